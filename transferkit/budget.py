@@ -1,0 +1,59 @@
+"""How much experience a training run may spend, and how much it has spent."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from transferkit.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Budget:
+    """An upper bound on experience; the first limit reached ends training.
+
+    Raises:
+        ConfigError: no limit is given, or one is not positive.
+    """
+
+    episodes: int | None = None
+    """Completed episodes, over all parallel environments together."""
+    steps: int | None = None
+    """Environment steps, over all parallel environments together."""
+    seconds: float | None = None
+    """Wall-clock seconds of training, evaluation not counted."""
+
+    def __post_init__(self) -> None:
+        limits = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
+        given = {name: limit for name, limit in limits.items() if limit is not None}
+        if not given:
+            raise ConfigError("no budget given; pass --episodes N, --steps N or --seconds S")
+        for name, limit in given.items():
+            if not limit > 0 or not math.isfinite(limit):
+                raise ConfigError(f"budget {name}={limit} must be a positive number; pass --{name} with a value above 0")
+
+
+@dataclass
+class Spent:
+    """Experience used so far; the same three units as `Budget`."""
+
+    episodes: int = 0
+    steps: int = 0
+    seconds: float = 0.0
+
+    def exhausts(self, budget: Budget) -> bool:
+        """Whether any limit of the budget is reached."""
+        return self.fraction(budget) >= 1.0
+
+    def fraction(self, budget: Budget) -> float:
+        """The largest used share of any limit, so that 1.0 ends training."""
+        shares = [
+            spent / limit
+            for spent, limit in (
+                (self.episodes, budget.episodes),
+                (self.steps, budget.steps),
+                (self.seconds, budget.seconds),
+            )
+            if limit is not None
+        ]
+        return max(shares)

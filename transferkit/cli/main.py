@@ -1,0 +1,51 @@
+"""The command line: finds the command, prints what it returns, and turns errors into one line and exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Sequence
+
+from transferkit.errors import Interrupted, TransferkitError, UnknownNameError
+
+COMMANDS = {
+    "quickstart": "the main job on real environments, in under two minutes",
+    "zoo": "the cores: list, show ID, verify ID... | --all",
+    "envs": "the environments: list, show ENV",
+    "train": "train a policy from scratch or around a core",
+    "eval": "evaluate the final policy of a run",
+    "pretrain": "train, check and write a core",
+    "doctor": "check this installation and say what to mend",
+}
+USER_ERROR, INTERRUPTED = 2, 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; the exit code is 0, 2 after a mistake, 130 after Ctrl-C."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    lines = "\n".join(f"  {name:<11} {text}" for name, text in COMMANDS.items())
+    parser = argparse.ArgumentParser(
+        "transferkit",
+        description="Wrap a trained policy core onto another environment, train it there, prove that it helped.",
+        epilog=f"commands:\n{lines}\n\n`transferkit COMMAND --help` explains each; every command takes --json.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", metavar="COMMAND")
+    if not arguments:
+        parser.print_help()
+        return USER_ERROR
+    name = parser.parse_args(arguments[:1]).command
+    try:
+        if name not in COMMANDS:
+            raise UnknownNameError("command", name, COMMANDS, "transferkit --help")
+        return importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:]) or 0
+    except Interrupted as error:
+        print(f"transferkit: {error}", file=sys.stderr)
+        return INTERRUPTED
+    except KeyboardInterrupt:
+        print("transferkit: stopped at once; the last checkpoint is intact, --resume goes on from it", file=sys.stderr)
+        return INTERRUPTED
+    except TransferkitError as error:
+        print(f"transferkit: {error}", file=sys.stderr)
+        return USER_ERROR

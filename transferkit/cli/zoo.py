@@ -1,0 +1,94 @@
+"""`transferkit zoo`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any
+
+from transferkit.cli.output import print_json
+from transferkit.errors import ConfigError
+from transferkit.table import format_table
+from transferkit.zoo.card import Card, read_card
+from transferkit.zoo.catalog import core_folders, find_core, list_cards
+
+
+def main(arguments: Sequence[str]) -> None:
+    """List, show or verify cores."""
+    parser = argparse.ArgumentParser("transferkit zoo", description="The cores that can be wrapped onto an environment.")
+    actions = parser.add_subparsers(dest="action", required=True)
+    listing = actions.add_parser("list", help="one line a core")
+    show = actions.add_parser("show", help="everything about a core")
+    show.add_argument("id")
+    verify = actions.add_parser("verify", help="check hashes, schema and probe outputs, and roll out the stated score")
+    verify.add_argument("ids", nargs="*", metavar="ID")
+    verify.add_argument("--all", action="store_true", help="every core of the zoo")
+    verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source again")
+    for action in (listing, show, verify):
+        action.add_argument("--json", action="store_true", help="print one JSON value and nothing else")
+    options = parser.parse_args(arguments)
+    {"list": _list, "show": _show, "verify": _verify}[options.action](options)
+
+
+def summary(card: Card) -> dict[str, Any]:
+    """A core in one line."""
+    return {
+        "id": card.id,
+        "source_env": card.source.env_id,
+        "obs_dim": card.source.obs_dim,
+        "act_dim": card.source.act_dim,
+        "parts": list(card.parts),
+        "members": len(card.seeds),
+        "score_mean": card.score.mean,
+        "score_low": card.score.low,
+        "score_high": card.score.high,
+        "threshold": card.score.threshold,
+    }
+
+
+def _list(options: argparse.Namespace) -> None:
+    rows = [summary(card) for card in list_cards()]
+    if options.json:
+        print_json(rows)
+        return
+    header = ("id", "source", "obs", "act", "parts", "members", "score", "95 % interval", "threshold")
+    table = [
+        (
+            row["id"],
+            row["source_env"],
+            row["obs_dim"],
+            row["act_dim"],
+            ", ".join(row["parts"]),
+            row["members"],
+            f"{row['score_mean']:.1f}",
+            f"{row['score_low']:.1f} to {row['score_high']:.1f}",
+            f"{row['threshold']:g}",
+        )
+        for row in rows
+    ]
+    print(format_table(header, table) if rows else "no cores found; `transferkit pretrain` makes one")
+
+
+def _show(options: argparse.Namespace) -> None:
+    card = read_card(find_core(options.id))
+    if options.json:
+        print_json(card.to_json())
+        return
+    from transferkit.zoo.readme import render  # noqa: PLC0415
+
+    print(render(card))
+
+
+def _verify(options: argparse.Namespace) -> None:
+    from transferkit.zoo.verify import verify  # noqa: PLC0415 - torch takes seconds to import
+
+    names = list(core_folders()) if options.all else options.ids
+    if not names:
+        raise ConfigError("no core to verify; name one (`transferkit zoo list`) or pass --all")
+    reports = [verify(name, rollout=options.rollout) for name in names]
+    if options.json:
+        print_json(reports)
+        return
+    for report in reports:
+        rolled = f", rolled out {report['rollout_mean']:.1f}" if options.rollout else ""
+        print(f"{report['id']}: hashes, schema and probe outputs fit (largest difference {report['probe']:.1e}){rolled}")

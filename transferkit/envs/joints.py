@@ -1,0 +1,80 @@
+"""The joints and actuators of a MuJoCo model, with names that do not depend on who wrote the model."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from transferkit.spec import Actuator, Joint
+
+FREE, BALL, SLIDE, HINGE = range(4)
+AXES = "xyz"
+
+
+def read_joints(model: Any, data: Any) -> list[Joint]:  # noqa: ANN401 - mujoco's types
+    """One `Joint` per degree of freedom, in the order of `qvel`; data must hold the reference pose after mj_forward."""
+    joints: list[Joint] = []
+    last_of_body: dict[int, str] = {}
+    used: Counter[str] = Counter()
+    for j in range(model.njnt):
+        body = int(model.jnt_bodyid[j])
+        parent = _parent(model, body, last_of_body)
+        rest = data.subtree_com[body] - data.xanchor[j]
+        for type_, axis in _degrees_of_freedom(int(model.jnt_type[j]), data.xaxis[j], data.xmat[body].reshape(3, 3)):
+            name = _canonical_name(type_, axis, used)
+            direction = rest / np.linalg.norm(rest) if type_ == "hinge" and np.linalg.norm(rest) > 1e-6 else np.zeros(3)
+            model_name = model.joint(j).name or f"joint{j}"
+            joints.append(Joint(name, model_name, type_, _rounded(axis), parent, _rounded(direction)))
+            last_of_body[body] = parent = name
+    return joints
+
+
+def read_actuators(env_low: NDArray, env_high: NDArray, model: Any, joints: list[Joint]) -> list[Actuator]:  # noqa: ANN401
+    """One `Actuator` per element of the action, with the bounds the environment states."""
+    actuators = []
+    for k in range(len(env_low)):
+        joint, gear, unit = None, 1.0, ""
+        model_name = f"action{k}"
+        if len(env_low) == model.nu:
+            model_name = model.actuator(k).name or f"actuator{k}"
+            target = int(model.actuator_trnid[k, 0])
+            if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.jnt_type[target] in (SLIDE, HINGE):
+                driven = joints[int(model.jnt_dofadr[target])]
+                joint, unit = driven.name, "N" if driven.type == "slide" else "N m"
+            gear = float(model.actuator_gear[k, 0] * model.actuator_gainprm[k, 0])
+        name = f"drive.{joint}" if joint else model_name
+        actuators.append(Actuator(name, model_name, joint, float(env_low[k]), float(env_high[k]), gear, unit))
+    return actuators
+
+
+def _parent(model: Any, body: int, last_of_body: dict[int, str]) -> str | None:  # noqa: ANN401
+    while body > 0:
+        if body in last_of_body:
+            return last_of_body[body]
+        body = int(model.body_parentid[body])
+    return None
+
+
+def _degrees_of_freedom(type_: int, axis: NDArray, frame: NDArray) -> list[tuple[str, NDArray]]:
+    if type_ == SLIDE:
+        return [("slide", axis)]
+    if type_ == HINGE:
+        return [("hinge", axis)]
+    rotations = [("hinge", frame[:, k]) for k in range(3)]  # mujoco's angular velocities are in the body frame
+    return rotations if type_ == BALL else [("slide", np.eye(3)[k]) for k in range(3)] + rotations
+
+
+def _canonical_name(type_: str, axis: NDArray, used: Counter[str]) -> str:
+    k = int(np.argmax(np.abs(axis)))
+    name = f"{type_}_{AXES[k]}" if abs(axis[k]) > 0.99 else f"{type_}_oblique"
+    used[name] += 1
+    return name if used[name] == 1 else f"{name}{used[name]}"
+
+
+def _rounded(vector: NDArray) -> tuple[float, float, float]:
+    x, y, z = (round(float(value), 6) + 0.0 for value in vector)
+    return x, y, z

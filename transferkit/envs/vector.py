@@ -1,0 +1,119 @@
+"""Several environments side by side, exact to the episode and to the step.
+
+Gymnasium's `SyncVectorEnv` steps all of its environments or none, so it can end a budget neither at an exact step nor at
+an exact episode, and it reseeds neighbours with overlapping seeds. Here every episode starts from a seed of its own,
+which also makes the state of an environment equal to (episode number, actions since its reset): enough to restore any
+deterministic environment to the bit without knowing its internals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from transferkit.errors import NotFiniteError
+
+
+@dataclass(frozen=True)
+class Step:
+    """One step of the first `n` environments of a `VectorEnv`."""
+
+    observation: NDArray[np.float32]
+    """What the next action is chosen from, `(n, obs_dim)`; after an ended episode, the first of the next one."""
+    reward: NDArray[np.float32]
+    """`(n,)`."""
+    terminated: NDArray[np.bool_]
+    """`(n,)`: the task ended; nothing follows."""
+    truncated: NDArray[np.bool_]
+    """`(n,)`: the time limit cut the episode; its value goes on."""
+    final_observation: NDArray[np.float32]
+    """What the step led to, `(n, obs_dim)`, before any reset."""
+
+    @property
+    def done(self) -> NDArray[np.bool_]:
+        """`(n,)`: an episode ended, either way."""
+        return self.terminated | self.truncated
+
+
+class VectorEnv:
+    """Environments under `make_env`'s contract, stepped one after the other, reset in the step that ends an episode."""
+
+    def __init__(self, envs: Sequence[gymnasium.Env], episode_seed: Callable[[int, int], int]) -> None:
+        """Take the environments and `episode_seed(env_index, episode_index)`, the seed each episode starts from."""
+        self.envs = list(envs)
+        self.num_envs = len(self.envs)
+        self._episode_seed = episode_seed
+        self._episode = [0] * self.num_envs
+        self._actions: list[list[NDArray[np.float32]]] = [[] for _ in self.envs]
+
+    def reset(self) -> NDArray[np.float32]:
+        """Start episode 0 of every environment; observations `(num_envs, obs_dim)`."""
+        return np.stack([self._start(i, 0) for i in range(self.num_envs)])
+
+    def step(
+        self, actions: NDArray[np.float32], count: Callable[[int, float, bool, bool], bool] | None = None
+    ) -> Step:
+        """Step the environments in order with actions `(num_envs, act_dim)`.
+
+        `count(env_index, reward, terminated, truncated)` is called after each single environment step; once it returns
+        True the environments behind it are left as they are, and the result has that many fewer rows.
+
+        Raises:
+            NotFiniteError: an observation or reward is NaN or infinite.
+        """
+        rows = []
+        for i, action in enumerate(actions):
+            observation, reward, terminated, truncated, _ = self.envs[i].step(action)
+            self._actions[i].append(action.copy())
+            if not (np.isfinite(observation).all() and np.isfinite(reward)):
+                raise NotFiniteError(
+                    f"environment {i} returned a NaN or infinite value in step {len(self._actions[i])} of its episode "
+                    f"{self._episode[i]}; check the environment or lower the learning rate"
+                )
+            truncated = bool(truncated and not terminated)
+            done = bool(terminated) or truncated
+            following = self._start(i, self._episode[i] + 1) if done else observation
+            rows.append((following, reward, bool(terminated), truncated, observation))
+            if count is not None and count(i, float(reward), bool(terminated), truncated):
+                break
+        following, reward, terminated, truncated, final = zip(*rows, strict=True)
+        return Step(
+            np.stack(following),
+            np.array(reward, np.float32),
+            np.array(terminated),
+            np.array(truncated),
+            np.stack(final),
+        )
+
+    def state(self) -> dict[str, Any]:
+        """What `restore` needs: per environment the episode number and the actions since its reset."""
+        return {
+            "episode": list(self._episode),
+            "actions": [np.array(actions, np.float32).tolist() for actions in self._actions],
+        }
+
+    def restore(self, state: dict[str, Any]) -> NDArray[np.float32]:
+        """Replay each running episode; the observations `(num_envs, obs_dim)` the next actions are chosen from."""
+        observations = []
+        for i, (episode, actions) in enumerate(zip(state["episode"], state["actions"], strict=True)):
+            observation = self._start(i, episode)
+            for action in np.array(actions, np.float32):
+                observation = self.envs[i].step(action)[0]
+                self._actions[i].append(action)
+            observations.append(observation)
+        return np.stack(observations)
+
+    def close(self) -> None:
+        """Close every environment."""
+        for env in self.envs:
+            env.close()
+
+    def _start(self, index: int, episode: int) -> NDArray[np.float32]:
+        self._episode[index] = episode
+        self._actions[index] = []
+        return self.envs[index].reset(seed=self._episode_seed(index, episode))[0]

@@ -1,0 +1,45 @@
+"""Observation statistics as part of the network, so that they are saved with the weights they belong to."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor, nn
+
+CLIP = 10.0
+"""Standard deviations; as in OpenAI baselines' VecNormalize."""
+
+EPSILON = 1e-8
+
+
+class Normalizer(nn.Module):
+    """Running mean and variance of everything seen (Chan et al. 1979), and `(x - mean) / std` clipped to +-10."""
+
+    mean: Tensor
+    """`(dim,)`."""
+    var: Tensor
+    """`(dim,)`."""
+    count: Tensor
+    """Samples seen, scalar float64."""
+
+    def __init__(self, dim: int) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(dim))
+        self.register_buffer("var", torch.ones(dim))
+        self.register_buffer("count", torch.zeros((), dtype=torch.float64))
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Normalised `x`, `(B, dim)`."""
+        return ((x - self.mean) * torch.rsqrt(self.var + EPSILON)).clamp(-CLIP, CLIP)
+
+    @torch.no_grad()
+    def update(self, x: Tensor) -> None:
+        """Add the samples `(N, dim)` to the statistics."""
+        n = x.shape[0]
+        var, mean = torch.var_mean(x, dim=0, correction=0)
+        total = self.count + n
+        share = (n / total).float()
+        delta = mean - self.mean
+        # With no samples yet share is 1: the initial variance of 1 leaves no trace.
+        self.var.copy_((1 - share) * self.var + share * var + share * (1 - share) * delta**2)
+        self.mean.add_(share * delta)
+        self.count.copy_(total)

@@ -1,0 +1,82 @@
+"""The policy network that is trained from scratch, and that becomes a core when it is good."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from transferkit.nn.gaussian import LOG_STD_BOUNDS
+from transferkit.nn.layers import Linear, mlp
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Everything needed to rebuild a `PolicyNet` before its weights are loaded."""
+
+    obs_dim: int
+    act_dim: int
+    hidden: tuple[int, ...] = (64, 64)
+    activation: str = "tanh"
+    std: str = "parameter"
+    """`parameter`: one bounded log-std per action. `head`: a linear head on the features, unbounded, as in the paper."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Architecture:
+        """The inverse of `to_json`."""
+        return cls(**{**data, "hidden": tuple(data["hidden"])})
+
+
+class PolicyNet(nn.Module):
+    """Observations `(B, obs_dim)` to the mean and log-std of a Gaussian over actions, both `(B, act_dim)`.
+
+    `body` makes the features, `(B, hidden[-1])`; `mean_head` and the log-std make the action of them.
+    """
+
+    def __init__(
+        self, architecture: Architecture, generator: torch.Generator | None = None, *, init_std: float = 1.0
+    ) -> None:
+        """Initialise from the generator, or with zeros when the weights are loaded afterwards.
+
+        Orthogonal with gain sqrt(2), and 0.01 on the mean head so that a new policy acts near zero (Andrychowicz et al.
+        2021); with `std="head"` the layers keep `nn.Linear`'s own initialisation, as in the paper's code.
+        """
+        super().__init__()
+        self.architecture = architecture
+        paper = architecture.std == "head"
+        gain = None if paper else math.sqrt(2)
+        self.body = mlp(architecture.obs_dim, architecture.hidden, architecture.activation, generator, gain=gain)
+        width = architecture.hidden[-1]
+        self.mean_head = Linear(width, architecture.act_dim, generator, gain=None if paper else 0.01)
+        if paper:
+            self.log_std_head = Linear(width, architecture.act_dim, generator)
+        else:
+            self.log_std = nn.Parameter(torch.full((architecture.act_dim,), math.log(init_std)))
+
+    @property
+    def feature_dim(self) -> int:
+        """Width of the last hidden layer."""
+        return self.architecture.hidden[-1]
+
+    def features(self, x: Tensor) -> Tensor:
+        """Output of the last hidden layer, `(B, feature_dim)`."""
+        return self.body(x)
+
+    def action_distribution(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-std, each `(B, act_dim)`, from the features."""
+        mean = self.mean_head(features)
+        if self.architecture.std == "head":
+            return mean, self.log_std_head(features)
+        return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
+
+    def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-std, each `(B, act_dim)`, from (normalised) observations."""
+        return self.action_distribution(self.features(x))

@@ -1,0 +1,136 @@
+"""What every policy is: a distribution over actions from raw observations, in parts that learn at their own rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from transferkit.errors import ConfigError
+from transferkit.nn.normalizer import Normalizer
+from transferkit.nn.policy_net import Architecture, PolicyNet
+from transferkit.table import format_table
+
+
+@dataclass(frozen=True)
+class ParameterGroup:
+    """The parameters of one part and how they learn."""
+
+    name: str
+    parameters: list[nn.Parameter]
+    lr_scale: float
+    """Learning rate as a multiple of the trainer's."""
+    frozen_share: float
+    """Share of the budget during which the part does not learn."""
+
+
+class Policy(nn.Module):
+    """Raw observations `(B, obs_dim)` to the mean and log-std of a Gaussian over actions in [-1, 1], each `(B, act_dim)`.
+
+    The observation normaliser is part of it. Subclasses name their `parts` and can be rebuilt from their `blueprint`.
+    """
+
+    obs_dim: int
+    act_dim: int
+    normalizer: Normalizer | None
+    """Statistics of this environment's observations; None where the policy takes them raw."""
+    lr_scale: Mapping[str, float]
+    freeze: Mapping[str, float]
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-std of the action."""
+        raise NotImplementedError
+
+    def parts(self) -> dict[str, nn.Module | nn.Parameter]:
+        """The parts by name, from the observation to the action."""
+        raise NotImplementedError
+
+    def blueprint(self) -> dict[str, Any]:
+        """JSON-ready data from which `transferkit.policy.build` makes the same policy without its weights."""
+        raise NotImplementedError
+
+    def parameter_groups(self) -> list[ParameterGroup]:
+        """Every parameter in exactly one group, one group a part."""
+        return [
+            ParameterGroup(
+                name,
+                list(part.parameters()) if isinstance(part, nn.Module) else [part],
+                self.lr_scale.get(name, 1.0),
+                self.freeze.get(name, 0.0),
+            )
+            for name, part in self.parts().items()
+        ]
+
+    def at_progress(self, progress: float) -> None:
+        """Freeze and unfreeze parts for a run that has used this share of its budget."""
+        for group in self.parameter_groups():
+            for parameter in group.parameters:
+                parameter.requires_grad_(progress >= group.frozen_share)
+                if progress < group.frozen_share:
+                    parameter.grad = None
+
+    def update_normalizer(self, observation: Tensor) -> None:
+        """Add observations `(N, obs_dim)` to the statistics."""
+        if self.normalizer is not None:
+            self.normalizer.update(observation)
+
+    @torch.no_grad()
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """The deterministic action `(B, act_dim)` for observations `(B, obs_dim)`."""
+        device = next(self.parameters()).device
+        return self(torch.from_numpy(observation).to(device))[0].cpu().numpy()
+
+    def describe(self) -> str:
+        """A table of the parts: parameters, learning rate, what is frozen."""
+        rows = []
+        for group in self.parameter_groups():
+            count = sum(parameter.numel() for parameter in group.parameters)
+            frozen = f"{group.frozen_share:.0%} of the budget" if group.frozen_share else "-"
+            rows.append((group.name, f"{count:,}", f"x {group.lr_scale:.3g}", frozen))
+        return format_table(("part", "parameters", "learning rate", "frozen for"), rows)
+
+    def _check_part_names(self) -> None:
+        for option in ("freeze", "lr_scale"):
+            for name in getattr(self, option):
+                if name not in self.parts():
+                    raise ConfigError(f"{option} names no part '{name}'; the parts are {', '.join(self.parts())}")
+
+
+class ScratchPolicy(Policy):
+    """A plain network, for training without a core."""
+
+    def __init__(self, network: PolicyNet, normalizer: Normalizer | None) -> None:
+        super().__init__()
+        self.obs_dim, self.act_dim = network.architecture.obs_dim, network.architecture.act_dim
+        self.lr_scale, self.freeze = {}, {}
+        self.normalizer = normalizer
+        self.network = network
+
+    @classmethod
+    def create(
+        cls, architecture: Architecture, generator: torch.Generator | None, *, init_std: float, normalize: bool
+    ) -> ScratchPolicy:
+        """A new network and, where asked for, its normaliser."""
+        network = PolicyNet(architecture, generator, init_std=init_std)
+        return cls(network, Normalizer(architecture.obs_dim) if normalize else None)
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-std of the action."""
+        return self.network(observation if self.normalizer is None else self.normalizer(observation))
+
+    def parts(self) -> dict[str, nn.Module | nn.Parameter]:
+        """One part, the network."""
+        return {"network": self.network}
+
+    def blueprint(self) -> dict[str, Any]:
+        """Architecture and whether observations are normalised."""
+        return {
+            "kind": "scratch",
+            "architecture": self.network.architecture.to_json(),
+            "normalize": self.normalizer is not None,
+        }

@@ -1,0 +1,118 @@
+"""Signs of a sandwich that cannot learn, measured before training."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import gymnasium
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from transferkit.envs.make import make_env
+from transferkit.nn import gaussian
+from transferkit.nn.layers import MLP
+from transferkit.policy.base import Policy
+from transferkit.run.streams import Streams
+
+DEAD = 1e-6
+"""Least spread of a unit that counts as alive."""
+
+
+@dataclass(frozen=True)
+class Health:
+    """What `health` measured on observations of random play."""
+
+    dead_units: float
+    """Share of hidden units whose output never varies."""
+    action_rank: int
+    """Directions in which the mean action varies; at most act_dim."""
+    act_dim: int
+    std_low: float
+    """Smallest standard deviation of any action on any observation."""
+    std_high: float
+    """Largest."""
+    core_gradient: float
+    """Norm of a policy gradient in the core's parameters (without a core, the network's)."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is wrong, in words; empty for a healthy policy."""
+        found = []
+        if self.dead_units > 0.5:
+            found.append(f"{self.dead_units:.0%} of the hidden units are dead")
+        if self.action_rank < self.act_dim:
+            found.append(f"actions vary in {self.action_rank} of {self.act_dim} directions")
+        if not 0.01 <= self.std_low <= self.std_high <= 3.0:
+            found.append(f"initial standard deviation of actions spans {self.std_low:.1e} to {self.std_high:.1e}")
+        if self.core_gradient == 0.0:
+            found.append("no gradient reaches the core")
+        return found
+
+
+def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: int = 0) -> Health:
+    """Measure a policy on observations from random play in the environment.
+
+    Args:
+        policy: any policy of the environment's dimensions; it is not changed.
+        env: an id or an environment; its state is lost.
+        steps: observations to collect.
+        seed: of the random play and of the sampled actions.
+    """
+    observation = torch.from_numpy(_random_play(env, steps, seed)).to(next(policy.parameters()).device)
+    outputs: list[torch.Tensor] = []
+    hooks = [
+        layer.register_forward_hook(lambda _m, _i, out: outputs.append(out.detach()))
+        for module in policy.modules()
+        if isinstance(module, MLP)
+        for layer in module.activations
+    ]
+    mean, log_std = policy(observation)
+    for hook in hooks:
+        hook.remove()
+    spread = torch.cat([output.std(0) for output in outputs])
+    return Health(
+        dead_units=float((spread < DEAD).float().mean()),
+        action_rank=_rank(mean.detach()),
+        act_dim=policy.act_dim,
+        std_low=float(log_std.exp().min()),
+        std_high=float(log_std.exp().max()),
+        core_gradient=_core_gradient(policy, mean, log_std, seed),
+    )
+
+
+def _core_gradient(policy: Policy, mean: torch.Tensor, log_std: torch.Tensor, seed: int) -> float:
+    parts = policy.parts()
+    part = parts.get("core", parts.get("network"))
+    assert isinstance(part, torch.nn.Module)
+    parameters = [parameter for parameter in part.parameters() if parameter.requires_grad]
+    if not parameters:
+        return 0.0
+    noise = torch.randn(mean.shape, generator=Streams(seed).torch("health"), device="cpu").to(mean.device)
+    action = (mean + log_std.exp() * noise).detach()
+    # Weighted as if the first action were the advantage; unweighted, the expected gradient is zero.
+    loss = (gaussian.log_prob(mean, log_std, action) * action[:, 0]).mean()
+    gradients = torch.autograd.grad(loss, parameters, allow_unused=True)
+    return float(sum(float(gradient.norm()) ** 2 for gradient in gradients if gradient is not None) ** 0.5)
+
+
+def _rank(actions: torch.Tensor) -> int:
+    values = torch.linalg.svdvals(actions - actions.mean(0))
+    return int((values > 1e-4 * values[0].clamp(min=1e-12)).sum()) if values[0] > 1e-9 else 0
+
+
+def _random_play(env: str | gymnasium.Env, steps: int, seed: int) -> NDArray[np.float32]:
+    made = make_env(env)
+    streams = Streams(seed)
+    generator = streams.numpy("health actions")
+    observations = [made.reset(seed=streams.integer("health", 0))[0]]
+    assert made.action_space.shape is not None
+    while len(observations) < steps:
+        action = generator.uniform(-1, 1, made.action_space.shape).astype(np.float32)
+        observation, _, terminated, truncated, _ = made.step(action)
+        if terminated or truncated:
+            observation = made.reset(seed=streams.integer("health", len(observations)))[0]
+        observations.append(observation)
+    if isinstance(env, str):
+        made.close()
+    return np.stack(observations)

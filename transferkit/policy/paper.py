@@ -1,0 +1,72 @@
+"""The paper's sandwich, its ReLUs and its shared output layer included, for reproducing it and for nothing else."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from transferkit.config import WrapConfig
+from transferkit.nn import Linear, PolicyNet
+from transferkit.policy.base import Policy
+from transferkit.spec import IOSpec
+
+EPSILON = 1e-6
+"""Added to the standard deviation before its logarithm."""
+
+
+class PaperSandwich(Policy):
+    """`Linear(n, d) -> Linear(d, d) -> ReLU -> core -> Linear(a, a) -> ReLU -> Linear(a, k)` on raw observations.
+
+    Mean and standard deviation of the core pass through the *same* output fine-tune layer, then through a linear layer
+    each; log std = Linear(log(std + 1e-6)), unbounded.
+    """
+
+    def __init__(
+        self,
+        core: PolicyNet,
+        specs: tuple[IOSpec, IOSpec],
+        config: WrapConfig,
+        generators: dict[str, torch.Generator] | None,
+    ) -> None:
+        super().__init__()
+        source, target = specs
+        generators = generators or {}
+        self._specs, self.config = specs, config
+        self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
+        self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
+        self.normalizer = None
+        ends = generators.get("input_adapter"), generators.get("output_adapter")
+        self.input_adapter = Linear(target.obs_dim, source.obs_dim, ends[0])
+        self.input_finetune = Linear(source.obs_dim, source.obs_dim, ends[0])
+        self.core = core
+        self.output_finetune = Linear(source.act_dim, source.act_dim, ends[1])
+        self.mean_adapter = Linear(source.act_dim, target.act_dim, ends[1])
+        self.std_adapter = Linear(source.act_dim, target.act_dim, ends[1])
+        self._check_part_names()
+
+    def core_input(self, observation: Tensor) -> Tensor:
+        """What the core sees, `(B, d_source)`; never negative."""
+        return torch.relu(self.input_finetune(self.input_adapter(observation)))
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-std of the action."""
+        core_mean, core_log_std = self.core(self.core_input(observation))
+        mean = torch.relu(self.output_finetune(core_mean))
+        std = torch.relu(self.output_finetune(core_log_std.exp()))
+        return self.mean_adapter(mean), self.std_adapter(torch.log(std + EPSILON))
+
+    def parts(self) -> dict[str, nn.Module | nn.Parameter]:
+        """The layers, from observation to action."""
+        names = ("input_adapter", "input_finetune", "core", "output_finetune", "mean_adapter", "std_adapter")
+        return {name: getattr(self, name) for name in names}
+
+    def blueprint(self) -> dict[str, Any]:
+        """Core architecture and specs."""
+        return {
+            "kind": "paper",
+            "core": self.core.architecture.to_json(),
+            "source": self._specs[0].to_json(),
+            "target": self._specs[1].to_json(),
+        }

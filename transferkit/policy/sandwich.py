@@ -1,0 +1,125 @@
+"""The healthy sandwich: normaliser, input adapter, input fine-tune, core, output fine-tune, output adapter."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from transferkit.config import WrapConfig
+from transferkit.nn import Linear, Normalizer, PolicyNet, ResidualLinear, mlp
+from transferkit.nn.gaussian import LOG_STD_BOUNDS
+from transferkit.policy.base import Policy
+from transferkit.policy.ends import InputAdapter, output_adapter
+from transferkit.policy.match import Match, explain
+from transferkit.spec import IOSpec
+
+
+class Sandwich(Policy):
+    """A core between two ends; only linear maps around it, and a bounded log-std that does not depend on the state."""
+
+    normalizer: Normalizer
+
+    def __init__(
+        self,
+        core: PolicyNet,
+        source_normalizer: Normalizer | None,
+        specs: tuple[IOSpec, IOSpec],
+        config: WrapConfig,
+        found: Match | None,
+        generators: dict[str, torch.Generator] | None,
+        *,
+        init_std: float,
+    ) -> None:
+        """Build the ends around a core; without generators the weights are zero, to be loaded."""
+        super().__init__()
+        source, target = specs
+        generators = generators or {}
+        self._specs, self._match, self.config = specs, found, config
+        self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
+        self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
+        self.normalizer = Normalizer(target.obs_dim)
+        self.source_normalizer = source_normalizer
+        features = config.tap == "features"
+        d_core, d_tap = source.obs_dim, core.feature_dim if features else source.act_dim
+        self.input_adapter = InputAdapter(
+            self.normalizer, source_normalizer, d_core, found, generators.get("input_adapter")
+        )
+        self.input_finetune = ResidualLinear(d_core) if config.finetune else nn.Identity()
+        self.core = core
+        self.output_finetune = ResidualLinear(d_tap) if config.finetune else nn.Identity()
+        head = core.mean_head if features else None
+        self.output_adapter = output_adapter(d_tap, target.act_dim, found, head, generators.get("output_adapter"))
+        self.log_std = nn.Parameter(_initial_log_std(core, found, target.act_dim, init_std))
+        self.residual = self._residual_column(config.residual, generators.get("residual")) if config.residual else None
+        self._check_part_names()
+
+    def core_input(self, observation: Tensor) -> Tensor:
+        """What the core sees, `(B, d_source)`."""
+        return self.input_finetune(self.input_adapter(observation))
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """Mean and log-std of the action."""
+        features = self.core.features(self.core_input(observation))
+        tapped = features if self.config.tap == "features" else self.core.action_distribution(features)[0]
+        mean = self.output_adapter(self.output_finetune(tapped))
+        if self.residual is not None:
+            mean = mean + self.residual(self.normalizer(observation))
+        return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
+
+    def parts(self) -> dict[str, nn.Module | nn.Parameter]:
+        """The layers with parameters, from observation to action."""
+        parts: dict[str, nn.Module | nn.Parameter] = {"input_adapter": self.input_adapter}
+        if self.config.finetune:
+            parts["input_finetune"] = self.input_finetune
+        parts["core"] = self.core
+        if self.config.finetune:
+            parts["output_finetune"] = self.output_finetune
+        parts["output_adapter"] = self.output_adapter
+        if self.residual is not None:
+            parts["residual"] = self.residual
+        return parts | {"log_std": self.log_std}
+
+    def describe(self) -> str:
+        """The table of parts, the dimensions, and what the adapters were matched with."""
+        source, target = self._specs
+        dims = f"{target.env_id}: {target.obs_dim} observations, {target.act_dim} actions"
+        core = f"core from {source.env_id}: {source.obs_dim} inputs, {source.act_dim} actions, tap={self.config.tap}"
+        if self._match is None:
+            adapters = "adapters: random; nothing is matched"
+        else:
+            pairs = ", ".join(f"{a} -> {b}" for a, b in self._match.joints.items())
+            adapters = f"adapters: semantic; joints {pairs}\n{explain(self._match, source, target)}"
+        return "\n".join((dims, core, adapters, super().describe()))
+
+    def blueprint(self) -> dict[str, Any]:
+        """Core architecture, specs and options."""
+        return {
+            "kind": "sandwich",
+            "core": self.core.architecture.to_json(),
+            "source_normalizer": self.source_normalizer is not None,
+            "source": self._specs[0].to_json(),
+            "target": self._specs[1].to_json(),
+            "tap": self.config.tap,
+            "finetune": self.config.finetune,
+            "residual": self.config.residual,
+            "semantic": self._match is not None,
+        }
+
+    def _residual_column(self, width: int, generator: torch.Generator | None) -> nn.Module:
+        """A side network that starts at zero (progressive networks, Rusu et al. 2016)."""
+        hidden = mlp(self.obs_dim, (width,), "tanh", generator, gain=math.sqrt(2))
+        return nn.Sequential(hidden, Linear(width, self.act_dim))
+
+
+def _initial_log_std(core: PolicyNet, found: Match | None, act_dim: int, init_std: float) -> Tensor:
+    """The configured one, and the core's own for actuators that drive what the core drove."""
+    log_std = torch.full((act_dim,), math.log(init_std))
+    if found is not None and core.architecture.std == "parameter":
+        for k, row in enumerate(found.action_weight):
+            for j, weight in enumerate(row):
+                if weight:
+                    log_std[k] = core.log_std.detach()[j]
+    return log_std

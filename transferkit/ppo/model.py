@@ -1,0 +1,100 @@
+"""transferkit's networks behind the interface that rsl_rl's algorithm expects of its models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from transferkit.nn import Linear, gaussian, mlp
+from transferkit.nn.normalizer import Normalizer
+from transferkit.policy.base import Policy
+from transferkit.ppo.storage import Minibatch
+
+
+class Model(nn.Module):
+    """What actor and critic have in common: no recurrence, and gradients that are clipped through flat buffers."""
+
+    is_recurrent = False
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.flat: list[Tensor] = []
+        """The optimiser's flat buffers, in place of the parameters that are views of them."""
+
+    def parameters(self, recurse: bool = True) -> Iterator[nn.Parameter]:  # noqa: FBT001, FBT002 - torch's signature
+        """Asked for once a gradient step, by rsl_rl's clipping."""
+        return iter(self.flat) if self.flat else super().parameters(recurse)  # type: ignore[return-value]
+
+    def reset(self, dones: Tensor | None = None, hidden_state: None = None) -> None:
+        """No recurrent state."""
+
+    def get_hidden_state(self) -> None:
+        """No recurrent state."""
+
+
+class Actor(Model):
+    """A `Policy` as rsl_rl's actor: the distribution of the last forward pass, sampled from a generator of its own."""
+
+    def __init__(self, policy: Policy, noise: torch.Generator) -> None:
+        super().__init__()
+        self.policy = policy
+        self.noise = noise
+        self.output_distribution_params: tuple[Tensor, Tensor]
+
+    def forward(self, obs: Tensor | Minibatch, *, stochastic_output: bool = False, **_: Any) -> Tensor:  # noqa: ANN401
+        """Actions `(B, act_dim)`; sampled while collecting, the mean otherwise."""
+        mean, log_std = self.output_distribution_params = self.policy(_tensor(obs))
+        if stochastic_output and not torch.is_grad_enabled():  # an update re-reads the density and needs no sample
+            return mean + log_std.exp() * torch.randn(mean.shape, generator=self.noise, device=mean.device)
+        return mean
+
+    @property
+    def output_entropy(self) -> Tensor:
+        """Entropy of the last forward pass, `(B,)`."""
+        return gaussian.entropy(self.output_distribution_params[1])
+
+    def get_output_log_prob(self, outputs: Tensor) -> Tensor:
+        """Log-density of actions under the last forward pass, `(B,)`."""
+        return gaussian.log_prob(*self.output_distribution_params, outputs)
+
+    def get_kl_divergence(self, old_params: tuple[Tensor, Tensor], new_params: tuple[Tensor, Tensor]) -> Tensor:
+        """KL(old || new), `(B,)`."""
+        return gaussian.kl_divergence(*old_params, *new_params)
+
+    def update_normalization(self, obs: Tensor) -> None:
+        """Called by rsl_rl after an update with all observations of the rollout."""
+        self.policy.update_normalizer(obs)
+
+
+class Critic(Model):
+    """State values `(B, 1)` from raw observations, through the normaliser of the policy."""
+
+    def __init__(
+        self,
+        obs_dim: int,
+        hidden: tuple[int, ...],
+        activation: str,
+        generator: torch.Generator,
+        *,
+        gain: float | None,
+        normalizer: Normalizer | None,
+    ) -> None:
+        super().__init__()
+        self.body = mlp(obs_dim, hidden, activation, generator, gain=gain)
+        self.head = Linear(hidden[-1], 1, generator, gain=None if gain is None else 1.0)
+        # In a list, so that the statistics are saved once, with the policy they belong to.
+        self._normalizer = [normalizer or nn.Identity()]
+
+    def forward(self, obs: Tensor | Minibatch, **_: Any) -> Tensor:  # noqa: ANN401 - rsl_rl passes masks and states
+        """Values."""
+        return self.head(self.body(self._normalizer[0](_tensor(obs))))
+
+    def update_normalization(self, obs: Tensor) -> None:
+        """The policy updates the statistics that both use."""
+
+
+def _tensor(obs: Tensor | Minibatch) -> Tensor:
+    return obs.tensor if isinstance(obs, Minibatch) else obs

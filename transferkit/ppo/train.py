@@ -1,0 +1,70 @@
+"""The training loop of PPO."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from transferkit.config import PPOConfig
+from transferkit.envs.vector import VectorEnv
+from transferkit.policy.base import Policy
+from transferkit.ppo.algorithm import PPO
+from transferkit.run.session import Session
+from transferkit.run.streams import Streams
+
+
+def train(
+    policy: Policy,
+    envs: VectorEnv,
+    config: PPOConfig,
+    session: Session,
+    streams: Streams,
+    device: torch.device,
+    resume_from: Mapping[str, Any] | None = None,
+) -> None:
+    """Train the policy in place until the session's budget is reached.
+
+    Raises:
+        NotFiniteError: NaN from an environment or in a loss.
+        Interrupted: a signal came; the state is on disk.
+    """
+    algorithm = PPO(policy.to(device), config, streams, device)
+    algorithm.train_mode()
+    if resume_from is None:
+        observation = envs.reset()
+    else:
+        algorithm.restore(dict(resume_from["algorithm"]))
+        observation = envs.restore(resume_from["envs"])
+    while session.progress < 1:
+        policy.at_progress(session.progress)
+        algorithm.set_learning_rate(session.progress, session.spent.episodes)
+        observation = collect(algorithm, envs, observation, session, config)
+        if session.progress < 1 or algorithm.storage.step * envs.num_envs >= config.batch_size:
+            algorithm.compute_returns(_tensor(observation, device))
+            session.after_update(algorithm.update(), lambda: {"algorithm": algorithm.state(), "envs": envs.state()})
+
+
+@torch.no_grad()
+def collect(
+    algorithm: PPO, envs: VectorEnv, observation: NDArray[np.float32], session: Session, config: PPOConfig
+) -> NDArray[np.float32]:
+    """Fill the storage with one rollout, shorter where the budget ends; returns the observations `(num_envs, obs_dim)`."""
+    device = algorithm.device
+    for _ in range(algorithm.storage.num_transitions_per_env):
+        action = algorithm.act(_tensor(observation, device))
+        step = envs.step(action.cpu().numpy(), session.count)
+        if len(step.reward) < envs.num_envs:  # the budget ended between two environments
+            break
+        algorithm.process_step(step)
+        observation = step.observation
+        if session.progress >= 1 or (config.rollout == "episode" and step.done[0]):
+            break
+    return observation
+
+
+def _tensor(array: NDArray[Any], device: torch.device | str) -> torch.Tensor:
+    return torch.from_numpy(array).to(device)

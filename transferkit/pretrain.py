@@ -1,0 +1,140 @@
+"""Train the members of a core, check each against the acceptance threshold, and write the artifact."""
+
+from __future__ import annotations
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from transferkit import stats
+from transferkit.config import TrainConfig
+from transferkit.envs import derive_spec
+from transferkit.errors import ArtifactError, ConfigError
+from transferkit.evaluation import evaluate
+from transferkit.policy import ScratchPolicy
+from transferkit.policy.core import Core
+from transferkit.run.session import Report
+from transferkit.transfer import RUNS, Result, load_policy, run_training
+from transferkit.versions import command, versions
+from transferkit.zoo.artifact import normalizer_part, policy_part, save_core
+from transferkit.zoo.card import Card, Score
+
+SCORE_SEED = 1
+"""Evaluation seed of the stated score; evaluations during training use 0."""
+
+SCORE_EPISODES = 20
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A core to make."""
+
+    name: str
+    """Without the version."""
+    threshold: float
+    """Mean return that every member has to reach."""
+    version: int = 1
+    """Of the artifact; a released one is never rewritten."""
+    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
+    """Source seed of each member; none is left out afterwards."""
+    zoo: Path = Path("zoo")
+    """Folder the artifact goes into."""
+    description: str = ""
+    """One sentence for the card."""
+    workers: int = 2
+    """Members trained at the same time."""
+
+    @property
+    def id(self) -> str:
+        """`<name>-v<version>`."""
+        return f"{self.name}-v{self.version}"
+
+
+def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = None) -> Card:
+    """Train, check and write a core; an interrupted call goes on where it stopped.
+
+    Raises:
+        ArtifactError: the version exists, or a member is below the threshold.
+        ConfigError: a core cannot be made of a wrapped policy.
+    """
+    if config.core is not None:
+        raise ConfigError("pretrain makes a core from scratch; leave out --core")
+    folder = recipe.zoo / recipe.id
+    if folder.exists():
+        raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")
+    results = _train_members(recipe, config, report)
+    policies = [load_policy(result.run_dir) for result in results]
+    returns = [
+        evaluate(
+            policy,
+            config.env,
+            episodes=SCORE_EPISODES,
+            seed=SCORE_SEED,
+            clip_actions=config.ppo.clip_actions,
+        ).returns
+        for policy in policies
+    ]
+    score = _score(recipe, returns)
+    return save_core(_core(recipe, config, policies), _card(recipe, config, results, score), folder)
+
+
+def _train_members(recipe: Recipe, config: TrainConfig, report: Report | None) -> list[Result]:
+    jobs = [(replace(config, seed=seed), RUNS / "pretrain" / recipe.id / f"seed{seed}") for seed in recipe.seeds]
+    if recipe.workers == 1 or len(jobs) == 1:
+        return [run_training(job, out=out, resume=True, report=report) for job, out in jobs]
+    with ProcessPoolExecutor(recipe.workers, multiprocessing.get_context("spawn")) as pool:
+        return list(pool.map(_train_member, *zip(*jobs, strict=True)))
+
+
+def _train_member(config: TrainConfig, out: Path) -> Result:
+    return run_training(config, out=out, resume=True)
+
+
+def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
+    members = tuple(float(np.mean(member)) for member in returns)
+    below = [f"seed {seed}: {mean:.1f}" for seed, mean in zip(recipe.seeds, members, strict=True) if mean < recipe.threshold]
+    if below:
+        raise ArtifactError(
+            f"core {recipe.id} is refused: {', '.join(below)}, below the threshold {recipe.threshold:g} "
+            f"(mean of all members {np.mean(members):.1f}); train longer, e.g. with a larger --steps"
+        )
+    low, high = stats.hierarchical_interval(returns)
+    return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
+
+
+def _core(recipe: Recipe, config: TrainConfig, policies: list) -> Core:
+    assert all(isinstance(policy, ScratchPolicy) for policy in policies)
+    stacked = {"policy": _stack([policy.network.state_dict() for policy in policies])}
+    if policies[0].normalizer is not None:
+        stacked["normalizer"] = _stack([policy.normalizer.state_dict() for policy in policies])
+    return Core(recipe.id, derive_spec(config.env), policies[0].network.architecture, recipe.seeds, stacked)
+
+
+def _card(recipe: Recipe, config: TrainConfig, results: list[Result], score: Score) -> Card:
+    spec = derive_spec(config.env)
+    architecture = load_policy(results[0].run_dir).network.architecture  # type: ignore[union-attr]
+    parts = {"policy": policy_part(architecture)}
+    if config.ppo.normalize_observation:
+        parts["normalizer"] = normalizer_part(spec.obs_dim)
+    return Card(
+        id=recipe.id,
+        description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",
+        source=spec,
+        parts=parts,
+        seeds=recipe.seeds,
+        score=score,
+        spent=tuple({"episodes": r.episodes, "steps": r.steps, "seconds": r.seconds} for r in results),
+        command=command(),
+        config=asdict(config),
+        versions=versions(),
+        files={},
+        history=(f"v{recipe.version}: first release" if recipe.version == 1 else f"v{recipe.version}",),
+    )
+
+
+def _stack(members: list[dict[str, torch.Tensor]]) -> dict[str, torch.Tensor]:
+    return {name: torch.stack([member[name] for member in members]).contiguous() for name in members[0]}

@@ -1,0 +1,120 @@
+"""What the numbers of an environment mean, as plain data with a JSON round trip.
+
+An `IOSpec` is derived from the physics by `transferkit.envs.probe`; nobody writes one by hand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+QUANTITIES = (
+    "position",
+    "velocity",
+    "sin",
+    "cos",
+    "height",
+    "function of position",
+    "function of velocity",
+    "force",
+    "constant",
+    "unknown",
+)
+"""What an observation element can be; `force` responds to controls or contacts, `unknown` was not probed."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One scalar degree of freedom of the model."""
+
+    name: str
+    """Canonical name from type, axis and order along the kinematic tree (`slide_x`, `hinge_y`, `hinge_y2`): the same
+    physical system gets the same names in every backend."""
+    model_name: str
+    """The name in the MuJoCo model."""
+    type: str
+    """`slide` or `hinge`; free and ball joints are split into their slides and hinges."""
+    axis: tuple[float, float, float]
+    """Unit axis in the world frame at the model's reference pose."""
+    parent: str | None
+    """Canonical name of the next joint towards the world."""
+    rest: tuple[float, float, float]
+    """Unit vector from the joint to the centre of mass of what it carries, at the reference pose; zero for a slide."""
+
+
+@dataclass(frozen=True)
+class Element:
+    """One entry of the observation vector."""
+
+    name: str
+    quantity: str
+    joints: tuple[str, ...]
+    """Canonical names of the joints it responds to."""
+    coefficients: tuple[float, ...]
+    """`position`, `velocity`: the slope per joint. `sin`, `cos`: the slope of the angle per joint. Otherwise empty."""
+    offset: float
+    """`position`, `velocity`: value at zero."""
+    unit: str
+
+
+@dataclass(frozen=True)
+class Actuator:
+    """One entry of the action vector; actions in [-1, 1] are scaled to [low, high]."""
+
+    name: str
+    model_name: str
+    joint: str | None
+    """Canonical name of the joint it drives; None for tendons, sites and bodies."""
+    low: float
+    high: float
+    gear: float
+    """Force or torque on the joint per unit of control, with its sign."""
+    unit: str
+
+
+@dataclass(frozen=True)
+class IOSpec:
+    """The meaning of an environment's observation `(obs_dim,)` and action `(act_dim,)`."""
+
+    env_id: str
+    backend: str
+    observation: tuple[Element, ...]
+    action: tuple[Actuator, ...]
+    joints: tuple[Joint, ...]
+    time_step: float
+    """Control time step in seconds."""
+    episode_limit: int | None
+    """Control steps until the environment truncates."""
+    versions: Mapping[str, str]
+
+    @property
+    def obs_dim(self) -> int:
+        """Length of the observation vector."""
+        return len(self.observation)
+
+    @property
+    def act_dim(self) -> int:
+        """Length of the action vector."""
+        return len(self.action)
+
+    def to_json(self) -> dict[str, Any]:
+        """As JSON-ready data."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> IOSpec:
+        """The inverse of `to_json`.
+
+        Raises:
+            TypeError, KeyError: the data has other fields than an `IOSpec`.
+        """
+        fields = dict(data)
+        fields["observation"] = tuple(Element(**_tuples(e)) for e in data["observation"])
+        fields["action"] = tuple(Actuator(**a) for a in data["action"])
+        fields["joints"] = tuple(Joint(**_tuples(j)) for j in data["joints"])
+        return cls(**fields)
+
+
+def _tuples(data: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}

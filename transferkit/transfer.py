@@ -1,0 +1,274 @@
+"""Composition root: core, target and configuration to a policy, a trainer, an evaluation and a run directory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import torch
+
+from transferkit.budget import Budget
+from transferkit.config import PPOConfig, Preset, TrainConfig, preset
+from transferkit.envs import VectorEnv, make_env
+from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.evaluation import Evaluation, evaluate
+from transferkit.nn import Architecture
+from transferkit.policy import Policy, ScratchPolicy, build, wrap
+from transferkit.policy.core import Core
+from transferkit.run.directory import POLICY, RECORD, RunDirectory, read_json
+from transferkit.run.files import load_state
+from transferkit.run.session import Report, Session
+from transferkit.run.streams import Streams
+from transferkit.zoo.artifact import load_core
+
+RUNS = Path("runs")
+"""Where run directories go that are not named."""
+
+MakeEnv = Callable[[], gymnasium.Env]
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a finished training run came to."""
+
+    algo: str
+    preset: str
+    core: str | None
+    core_digest: str | None
+    member: int | None
+    env: str
+    seed: int
+    episodes: int
+    """Completed training episodes."""
+    steps: int
+    """Environment steps of training."""
+    seconds: float
+    """Of training, evaluation not counted."""
+    eval_return_mean: float
+    eval_return_std: float
+    eval_return_low: float
+    """Bootstrap 95 % interval of the mean over evaluation episodes."""
+    eval_return_high: float
+    eval_episodes: int
+    run_dir: str
+
+
+def run_training(config: TrainConfig, *, out: Path | None = None, resume: bool = False, report: Report | None = None) -> Result:
+    """Do what a configuration says: build the policy, train it, evaluate it, and keep everything in `out`.
+
+    Args:
+        config: the whole run.
+        out: its directory; by default `runs/` with a name made of the configuration.
+        resume: go on where the directory stopped, start where there is none, return the result where it is finished.
+        report: called after every update.
+
+    Raises:
+        TransferkitError: any of its kinds; see `transferkit.errors`.
+    """
+    budget = Budget(config.episodes, config.steps, config.seconds)
+    core = None if config.core is None else load_core(config.core)
+    make = lambda: make_env(config.env, clip_actions=config.ppo.clip_actions)  # noqa: E731 - a factory of this run
+    return _execute(lambda: _new_policy(config, core), make, budget, config, core, out, resume=resume, report=report)
+
+
+def train(
+    policy: Policy,
+    env: str | MakeEnv,
+    budget: Budget,
+    *,
+    preset_name: Preset = "default",
+    config: PPOConfig | None = None,
+    seed: int = 0,
+    out: str | Path | None = None,
+    resume: bool = False,
+    device: str = "cpu",
+    eval_episodes: int = 20,
+    eval_every: int = 0,
+    report: Report | None = None,
+) -> Result:
+    """Train a policy in place with PPO, evaluate it, and keep everything in a run directory.
+
+    Args:
+        policy: from `wrap`, or a `ScratchPolicy`.
+        env: an id, or a function that makes one environment.
+        budget: episodes, steps or seconds; the first one reached ends training.
+        preset_name: which trainer settings to use.
+        config: trainer settings in place of the preset's.
+        seed: of every random stream of training.
+        out: the run directory; by default under `runs/`.
+        resume: go on where the directory stopped.
+        device: of the networks.
+        eval_episodes: episodes of an evaluation.
+        eval_every: environment steps between evaluations during training; 0 for only one at the end.
+        report: called after every update.
+
+    Raises:
+        TransferkitError: any of its kinds; see `transferkit.errors`.
+    """
+    full = preset(TrainConfig(env if isinstance(env, str) else _factory_name(env), seed=seed, device=device), preset_name)
+    full = replace(full, **asdict(budget), eval_episodes=eval_episodes, eval_every=eval_every, ppo=config or full.ppo)
+    make = lambda: make_env(env if isinstance(env, str) else env(), clip_actions=full.ppo.clip_actions)  # noqa: E731
+    where = None if out is None else Path(out)
+    return _execute(lambda: policy, make, budget, full, None, where, resume=resume, report=report)
+
+
+def load_policy(run_dir: str | Path) -> Policy:
+    """The final policy of a finished run, with its normaliser.
+
+    Raises:
+        RunDirectoryError: the run is not finished, or its policy file is damaged.
+    """
+    path = Path(run_dir) / POLICY
+    if not path.exists():
+        raise RunDirectoryError(f"{run_dir} holds no finished run; finish it with `transferkit train ... --resume`")
+    state = load_state(path)
+    try:
+        policy = build(state["blueprint"])
+        policy.load_state_dict(state["weights"])
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise RunDirectoryError(f"{path} holds no policy of this version ({reason}); train again") from None
+    return policy
+
+
+def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
+    """Evaluate the final policy of a run on its own environment."""
+    config = read_json(Path(run_dir) / RECORD)["config"]
+    policy = load_policy(run_dir)
+    return evaluate(policy, config["env"], episodes=episodes, seed=seed, clip_actions=config["ppo"]["clip_actions"])
+
+
+def default_directory(config: TrainConfig) -> Path:
+    """`runs/<env>_<core or scratch>_<algo>_<preset>_seed<k>`."""
+    core = "scratch" if config.core is None else f"{Path(config.core).name}.{config.member}"
+    env = config.env.replace("/", "-")
+    return RUNS / f"{env}_{core}_{config.algo}_{config.preset}_seed{config.seed}"
+
+
+def _execute(
+    make_policy: Callable[[], Policy],
+    make: MakeEnv,
+    budget: Budget,
+    config: TrainConfig,
+    core: Core | None,
+    out: Path | None,
+    *,
+    resume: bool,
+    report: Report | None,
+) -> Result:
+    device = _device(config.device)
+    torch.set_num_threads(1)  # one thread is the fastest for small networks, and the only number that always gives the same bits
+    policy = make_policy()
+    first = make()
+    _check_dims(policy, first, config.env)
+    out = out or default_directory(config)
+    record = {**asdict(config), "policy": policy.blueprint(), "core_digest": core.digest if core else None}
+    directory, state = _open(out, record, resume=resume)
+    try:
+        if directory.result is not None:
+            return Result(**directory.result)
+        streams = Streams(config.seed)
+        envs = VectorEnv(
+            [first, *(make() for _ in range(config.ppo.num_envs - 1))], lambda i, k: streams.integer("environment", i, k)
+        )
+        session = Session(
+            directory,
+            budget,
+            envs.num_envs,
+            evaluate=lambda: evaluate(policy, make, episodes=config.eval_episodes).row(),
+            eval_every=config.eval_every,
+            checkpoint_seconds=config.checkpoint_seconds,
+            report=report,
+        )
+        if state is not None:
+            session.restore(state["session"])
+        with session.running():
+            _trainer(config)(policy, envs, config.ppo, session, streams, device, state and state["trainer"])
+            scores = session.evaluate()
+        envs.close()
+        weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
+        directory.save_policy({"blueprint": policy.blueprint(), "weights": weights})
+        result = _result(config, core, session, scores, directory)
+        directory.finish(asdict(result))
+        return result
+    finally:
+        directory.close()
+
+
+def _trainer(config: TrainConfig) -> Callable[..., None]:
+    from transferkit import ppo  # noqa: PLC0415 - rsl_rl takes seconds to import
+
+    return {"ppo": ppo.train}[config.algo]
+
+
+def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:
+    if resume and (out / RECORD).exists():
+        return RunDirectory.resume(out, record)
+    return RunDirectory.create(out, record), None
+
+
+def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
+    if core is not None:
+        return wrap(
+            core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std
+        )
+    env = make_env(config.env)
+    assert env.observation_space.shape is not None
+    assert env.action_space.shape is not None
+    dims = env.observation_space.shape[0], env.action_space.shape[0]
+    env.close()
+    ppo = config.ppo
+    generator = Streams(config.seed).torch("policy initialisation")
+    architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
+    return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
+
+
+def _check_dims(policy: Policy, env: gymnasium.Env, name: str) -> None:
+    assert env.observation_space.shape is not None
+    assert env.action_space.shape is not None
+    needed = env.observation_space.shape[0], env.action_space.shape[0]
+    if (policy.obs_dim, policy.act_dim) != needed:
+        raise ConfigError(
+            f"the policy takes {policy.obs_dim} observations and {policy.act_dim} actions, environment {name} has "
+            f"{needed[0]} and {needed[1]}; build it with wrap(core, '{name}')"
+        )
+
+
+def _device(name: str) -> torch.device:
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"device '{name}' cannot be used ({reason}); pass --device cpu") from None
+    return device
+
+
+def _factory_name(env: MakeEnv) -> str:
+    return getattr(env, "__name__", type(env).__name__)
+
+
+def _result(
+    config: TrainConfig, core: Core | None, session: Session, scores: Any, directory: RunDirectory  # noqa: ANN401
+) -> Result:
+    return Result(
+        algo=config.algo,
+        preset=config.preset,
+        core=config.core,
+        core_digest=core.digest if core else None,
+        member=config.member if core else None,
+        env=config.env,
+        seed=config.seed,
+        episodes=session.spent.episodes,
+        steps=session.spent.steps,
+        seconds=round(session.spent.seconds, 3),
+        eval_return_mean=scores["return_mean"],
+        eval_return_std=scores["return_std"],
+        eval_return_low=scores["return_low"],
+        eval_return_high=scores["return_high"],
+        eval_episodes=scores["n"],
+        run_dir=str(directory.path),
+    )

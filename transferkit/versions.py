@@ -1,0 +1,57 @@
+"""What a result depends on besides its configuration: versions, machine and git state."""
+
+from __future__ import annotations
+
+import platform
+import shlex
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+PACKAGES = (
+    "transferkit",
+    "mujoco",
+    "dm-control",
+    "gymnasium",
+    "shimmy",
+    "torch",
+    "rsl-rl-lib",
+    "numpy",
+    "scipy",
+    "safetensors",
+)
+
+
+def versions() -> dict[str, str]:
+    """Installed version of every package that can change a number, and of Python."""
+    return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
+
+
+def command() -> str:
+    """The command line of this process, without the path of the program."""
+    program = Path(sys.argv[0]).name
+    return shlex.join(["transferkit" if program == "__main__.py" else program, *sys.argv[1:]])
+
+
+def git_state() -> dict[str, str | bool] | None:
+    """Commit of the checkout transferkit runs from and whether it has changes; None outside a checkout."""
+    root = Path(__file__).resolve().parents[1]
+    if not (root / ".git").exists():
+        return None
+    try:
+        commit = _git(root, "rev-parse", "HEAD")
+        return {"commit": commit, "dirty": bool(_git(root, "status", "--porcelain", "--untracked-files=no"))}
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _git(root: Path, *args: str) -> str:
+    return subprocess.run(["git", "-C", str(root), *args], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"

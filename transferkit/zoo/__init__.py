@@ -1,0 +1,1 @@
+"""Cores as versioned artifacts."""

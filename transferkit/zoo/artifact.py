@@ -1,0 +1,140 @@
+"""Writing and loading core artifacts. Loading reads safetensors and JSON only, so it never runs code."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import safetensors
+import safetensors.torch
+import torch
+from torch import Tensor
+
+from transferkit.errors import ArtifactError
+from transferkit.nn import Architecture
+from transferkit.policy.core import Core
+from transferkit.run.files import write_atomically, write_json
+from transferkit.run.streams import Streams
+from transferkit.zoo.card import CARD, PROBE, README, WEIGHTS, Card, Part, read_card, sha256
+from transferkit.zoo.catalog import find_core
+from transferkit.zoo.readme import render
+
+PROBE_INPUTS = 32
+PROBE_TOLERANCE = 1e-5
+"""Between machines; matrix products differ in the last bits."""
+
+
+def load_core(name: str | Path) -> Core:
+    """Load a core by id or folder, after its hashes, schema and shapes are checked.
+
+    Raises:
+        UnknownNameError: there is no such core.
+        ArtifactError: it is damaged, tampered with, or newer than this transferkit.
+    """
+    folder = find_core(name)
+    card = read_card(folder)
+    check_hashes(folder, card)
+    tensors = _read(folder / WEIGHTS)
+    parts: dict[str, dict[str, Tensor]] = {}
+    for key, tensor in tensors.items():
+        part, _, parameter = key.partition("/")
+        parts.setdefault(part, {})[parameter] = tensor
+    if set(parts) != set(card.parts):
+        raise ArtifactError(
+            f"core {card.id} holds parts {sorted(parts)}, its card says {sorted(card.parts)}; restore it from its source"
+        )
+    if "policy" not in parts:
+        raise ArtifactError(f"core {card.id} has no policy part; write it again with `transferkit pretrain`")
+    architecture = Architecture.from_json(card.parts["policy"].architecture)
+    core = Core(card.id, card.source, architecture, card.seeds, parts, str(card.to_json()["digest"]))
+    try:
+        for member in range(len(card.seeds)):
+            core.policy(member)
+    except RuntimeError as error:  # torch's message lists every tensor that does not fit, on many lines
+        reason = " ".join(str(error).split())[:200]
+        raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})") from None
+    return core
+
+
+def save_core(core: Core, card: Card, folder: Path) -> Card:
+    """Write an artifact into a new folder; returns the card with its hashes.
+
+    Raises:
+        ArtifactError: the folder exists; a released version is never rewritten.
+    """
+    if folder.exists() and any(folder.iterdir()):
+        raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")
+    folder.mkdir(parents=True, exist_ok=True)
+    flat = {f"{part}/{name}": tensor for part, tensors in core.parts.items() for name, tensor in tensors.items()}
+    write_atomically(folder / WEIGHTS, safetensors.torch.save(flat))
+    write_atomically(folder / PROBE, safetensors.torch.save(_make_probe(core)))
+    complete = replace(card, files={name: sha256(folder / name) for name in (WEIGHTS, PROBE)})
+    write_json(folder / CARD, complete.to_json())
+    write_atomically(folder / README, render(complete).encode())
+    return complete
+
+
+def policy_part(architecture: Architecture) -> Part:
+    """The card's entry of a policy network, with its ends named."""
+    heads = ("mean_head", "log_std_head") if architecture.std == "head" else ("mean_head",)
+    output = [f"{head}.{name}" for head in heads for name in ("weight", "bias")]
+    if architecture.std == "parameter":
+        output.append("log_std")
+    return Part("policy", architecture.to_json(), ("body.0.weight",), tuple(output))
+
+
+def normalizer_part(obs_dim: int) -> Part:
+    """The card's entry of the source's observation statistics, which are an end as a whole."""
+    return Part("normalizer", {"obs_dim": obs_dim}, ("mean", "var", "count"), ())
+
+
+def check_hashes(folder: Path, card: Card) -> None:
+    """Compare every file with the card.
+
+    Raises:
+        ArtifactError: a file is missing or differs.
+    """
+    for name, expected in card.files.items():
+        path = folder / name
+        if not path.exists():
+            raise ArtifactError(f"core {card.id} lacks its file {name}; restore the folder from its source")
+        if sha256(path) != expected:
+            raise ArtifactError(f"core {card.id}: {name} is truncated or was changed; restore the folder from its source")
+
+
+def check_probe(core: Core, folder: Path) -> float:
+    """Largest difference between the core's outputs on the stored inputs and the stored outputs.
+
+    Raises:
+        ArtifactError: it exceeds the tolerance.
+    """
+    stored = _read(folder / PROBE)
+    worst = 0.0
+    for member in range(len(core.seeds)):
+        with torch.no_grad():
+            mean, log_std = core.policy(member)(stored["input"])
+        for output, expected in ((mean, stored["mean"][member]), (log_std, stored["log_std"][member])):
+            worst = max(worst, float((output - expected).abs().max()))
+    if not worst <= PROBE_TOLERANCE:
+        raise ArtifactError(
+            f"core {core.id} computes other outputs than it was released with (difference {worst:.2e}, allowed "
+            f"{PROBE_TOLERANCE:.0e}); check the torch version with `transferkit doctor`"
+        )
+    return worst
+
+
+@torch.no_grad()
+def _make_probe(core: Core) -> Mapping[str, Tensor]:
+    generator = Streams(0).torch("probe")
+    observation = torch.randn(PROBE_INPUTS, core.spec.obs_dim, generator=generator)
+    outputs = [core.policy(member)(observation) for member in range(len(core.seeds))]
+    mean, log_std = (torch.stack(column).contiguous() for column in zip(*outputs, strict=True))
+    return {"input": observation, "mean": mean, "log_std": log_std}
+
+
+def _read(path: Path) -> dict[str, Tensor]:
+    try:
+        return safetensors.torch.load_file(path)
+    except (OSError, safetensors.SafetensorError) as error:
+        raise ArtifactError(f"{path} cannot be read ({error}); restore the folder from its source") from None

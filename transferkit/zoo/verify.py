@@ -1,0 +1,50 @@
+"""`zoo verify`: is an artifact what it says it is?"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from transferkit.errors import ArtifactError
+from transferkit.evaluation import evaluate
+from transferkit.zoo.artifact import check_probe, load_core
+from transferkit.zoo.card import read_card
+from transferkit.zoo.catalog import find_core
+
+ROLLOUT_TOLERANCE = 0.02
+"""Relative; another processor can end a near-chaotic episode differently."""
+
+
+def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
+    """Check hashes, schema, shapes and probe outputs, and with `rollout` the score on the source task.
+
+    Returns the core's id, the largest probe difference and, where rolled out, the mean return.
+
+    Raises:
+        ArtifactError: anything does not hold.
+    """
+    folder = find_core(name)
+    core, card = load_core(folder), read_card(folder)
+    report: dict[str, Any] = {"id": core.id, "probe": check_probe(core, folder)}
+    if rollout:
+        clip = bool(card.config["ppo"]["clip_actions"])
+        means = [
+            evaluate(
+                core.policy(member),
+                card.source.env_id,
+                episodes=card.score.episodes,
+                seed=card.score.seed,
+                clip_actions=clip,
+            ).mean
+            for member in range(len(core.seeds))
+        ]
+        report["rollout_mean"], report["rollout_members"] = float(np.mean(means)), means
+        low, high = card.score.low * (1 - ROLLOUT_TOLERANCE), card.score.high * (1 + ROLLOUT_TOLERANCE)
+        if not low <= report["rollout_mean"] <= high:
+            raise ArtifactError(
+                f"core {core.id} rolls out to {report['rollout_mean']:.1f}, its card says {card.score.mean:.1f} "
+                f"({card.score.low:.1f} to {card.score.high:.1f}); compare versions with `transferkit doctor`"
+            )
+    return report
