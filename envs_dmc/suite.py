@@ -2,8 +2,8 @@
 
 Mended here, against Shimmy 2.0.1: the observation's order (Gymnasium sorts a Dict's keys when it flattens it), 0-d
 entries, float64, the missing episode limit, unclipped actions, a reward that is sometimes an int, a frame rate that is
-wrong and shared by the class, unlimited actuators whose bounds are +-1e10, and `quadruped-escape`, which asks for an
-OpenGL context at every reset.
+wrong and shared by the class, unlimited actuators whose bounds are +-1e10, `lqr`, whose model is another one at every
+load, and `quadruped-escape`, which asks for an OpenGL context at every reset.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ with warnings.catch_warnings():
 
 EPISODE_LIMIT = 1000
 """Control steps; the suite's own limit. Its two `lqr` tasks have none and get the same one here."""
+
+MODEL_SEED = 0
+"""The `lqr` tasks draw stiffness and damping when they are loaded; a fixed draw makes their id name one system."""
 
 UNLIMITED = 1e9
 """dm_control writes +-1e10 for an actuator without a control range; such an action is left in its own unit, +-1."""
@@ -53,7 +56,7 @@ class SuiteTask(gymnasium.Env):
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"]}  # noqa: RUF012 - Gymnasium's own declaration
 
     def __init__(self, domain: str, task: str, *, render_mode: str | None = None) -> None:
-        native = suite.load(domain, task)
+        native = suite.load(domain, task, task_kwargs={"random": MODEL_SEED})
         if render_mode is None:
             without_rendering(native.physics)
         self.shimmy = DmControlCompatibilityV0(native, render_mode=render_mode)
@@ -68,7 +71,7 @@ class SuiteTask(gymnasium.Env):
         spec = self.dm_env.action_spec()
         low = np.where(spec.minimum < -UNLIMITED, -1.0, spec.minimum)
         high = np.where(spec.maximum > UNLIMITED, 1.0, spec.maximum)
-        self.action_space = gymnasium.spaces.Box(low.astype(np.float32), high.astype(np.float32))
+        self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
         self._low, self._high = low, high
 
     @property
@@ -93,9 +96,7 @@ class SuiteTask(gymnasium.Env):
         observation, _ = self.shimmy.reset(seed=seed, options=options)
         return _flatten(observation), {}
 
-    def step(
-        self, action: NDArray[np.floating]
-    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+    def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Advance one control step; the action is clipped to the actuator bounds."""
         clipped = np.clip(np.asarray(action, np.float64), self._low, self._high)
         observation, reward, terminated, truncated, _ = self.shimmy.step(clipped)

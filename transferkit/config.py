@@ -178,9 +178,7 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         if self.eval_episodes < 1 or self.eval_every < 0:
-            raise ConfigError(
-                f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0"
-            )
+            raise ConfigError(f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0")
 
 
 def preset(config: TrainConfig, name: Preset) -> TrainConfig:

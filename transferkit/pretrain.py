@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -67,7 +71,7 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
     if folder.exists():
         raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")
     results = _train_members(recipe, config, report)
-    policies = [load_policy(result.run_dir) for result in results]
+    policies = [policy for policy in map(load_policy, (r.run_dir for r in results)) if isinstance(policy, ScratchPolicy)]
     returns = [
         evaluate(
             policy,
@@ -79,15 +83,29 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
         for policy in policies
     ]
     score = _score(recipe, returns)
-    return save_core(_core(recipe, config, policies), _card(recipe, config, results, score), folder)
+    core = _core(recipe, config, policies)
+    return save_core(core, _card(recipe, config, core, results, score), folder)
 
 
 def _train_members(recipe: Recipe, config: TrainConfig, report: Report | None) -> list[Result]:
     jobs = [(replace(config, seed=seed), RUNS / "pretrain" / recipe.id / f"seed{seed}") for seed in recipe.seeds]
     if recipe.workers == 1 or len(jobs) == 1:
         return [run_training(job, out=out, resume=True, report=report) for job, out in jobs]
-    with ProcessPoolExecutor(recipe.workers, multiprocessing.get_context("spawn")) as pool:
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(recipe.workers, spawn, initializer=_stop_with_parent) as pool:
         return list(pool.map(_train_member, *zip(*jobs, strict=True)))
+
+
+def _stop_with_parent() -> None:
+    """Let a worker save and stop when its parent is gone, so that the next call finds its runs free."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _train_member(config: TrainConfig, out: Path) -> Result:
@@ -106,24 +124,22 @@ def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
     return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
 
 
-def _core(recipe: Recipe, config: TrainConfig, policies: list) -> Core:
-    assert all(isinstance(policy, ScratchPolicy) for policy in policies)
+def _core(recipe: Recipe, config: TrainConfig, policies: Sequence[ScratchPolicy]) -> Core:
     stacked = {"policy": _stack([policy.network.state_dict() for policy in policies])}
-    if policies[0].normalizer is not None:
-        stacked["normalizer"] = _stack([policy.normalizer.state_dict() for policy in policies])
+    statistics = [policy.normalizer.state_dict() for policy in policies if policy.normalizer is not None]
+    if statistics:
+        stacked["normalizer"] = _stack(statistics)
     return Core(recipe.id, derive_spec(config.env), policies[0].network.architecture, recipe.seeds, stacked)
 
 
-def _card(recipe: Recipe, config: TrainConfig, results: list[Result], score: Score) -> Card:
-    spec = derive_spec(config.env)
-    architecture = load_policy(results[0].run_dir).network.architecture  # type: ignore[union-attr]
-    parts = {"policy": policy_part(architecture)}
-    if config.ppo.normalize_observation:
-        parts["normalizer"] = normalizer_part(spec.obs_dim)
+def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
+    parts = {"policy": policy_part(core.architecture)}
+    if "normalizer" in core.parts:
+        parts["normalizer"] = normalizer_part(core.spec.obs_dim)
     return Card(
         id=recipe.id,
         description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",
-        source=spec,
+        source=core.spec,
         parts=parts,
         seeds=recipe.seeds,
         score=score,

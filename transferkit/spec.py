@@ -41,6 +41,8 @@ class Joint:
     """Canonical name of the next joint towards the world."""
     rest: tuple[float, float, float]
     """Unit vector from the joint to the centre of mass of what it carries, at the reference pose; zero for a slide."""
+    length: float
+    """Metres from the joint to that centre of mass; 0 for a slide."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class Actuator:
     high: float
     gear: float
     """Force or torque on the joint per unit of control, with its sign."""
+    authority: float
+    """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 where unknown."""
     unit: str
 
 

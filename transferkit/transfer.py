@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -160,7 +160,9 @@ def _execute(
     report: Report | None,
 ) -> Result:
     device = _device(config.device)
-    torch.set_num_threads(1)  # one thread is the fastest for small networks, and the only number that always gives the same bits
+    torch.set_num_threads(
+        1
+    )  # one thread is the fastest for small networks, and the only number that always gives the same bits
     policy = make_policy()
     first = make()
     _check_dims(policy, first, config.env)
@@ -172,7 +174,8 @@ def _execute(
             return Result(**directory.result)
         streams = Streams(config.seed)
         envs = VectorEnv(
-            [first, *(make() for _ in range(config.ppo.num_envs - 1))], lambda i, k: streams.integer("environment", i, k)
+            [first, *(make() for _ in range(config.ppo.num_envs - 1))],
+            lambda i, k: streams.integer("environment", i, k),
         )
         session = Session(
             directory,
@@ -185,8 +188,9 @@ def _execute(
         )
         if state is not None:
             session.restore(state["session"])
+        trainer = _trainer(config)
         with session.running():
-            _trainer(config)(policy, envs, config.ppo, session, streams, device, state and state["trainer"])
+            trainer(policy, envs, config.ppo, session, streams, device, state and state["trainer"])
             scores = session.evaluate()
         envs.close()
         weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
@@ -212,9 +216,7 @@ def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirect
 
 def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
     if core is not None:
-        return wrap(
-            core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std
-        )
+        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
     env = make_env(config.env)
     assert env.observation_space.shape is not None
     assert env.action_space.shape is not None
@@ -252,7 +254,11 @@ def _factory_name(env: MakeEnv) -> str:
 
 
 def _result(
-    config: TrainConfig, core: Core | None, session: Session, scores: Any, directory: RunDirectory  # noqa: ANN401
+    config: TrainConfig,
+    core: Core | None,
+    session: Session,
+    scores: Mapping[str, float],
+    directory: RunDirectory,
 ) -> Result:
     return Result(
         algo=config.algo,
@@ -269,6 +275,6 @@ def _result(
         eval_return_std=scores["return_std"],
         eval_return_low=scores["return_low"],
         eval_return_high=scores["return_high"],
-        eval_episodes=scores["n"],
+        eval_episodes=int(scores["n"]),
         run_dir=str(directory.path),
     )

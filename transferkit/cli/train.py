@@ -58,5 +58,3 @@ def preset_from(arguments: Sequence[str]) -> TrainConfig:
     if name not in PPO_PRESETS:
         raise ConfigError(f"unknown preset '{name}'; --preset takes {' or '.join(PPO_PRESETS)}")
     return preset(TrainConfig(env=tyro.MISSING), name)
-
-

@@ -28,7 +28,7 @@ class Simulation:
 
 def open_simulation(env: gymnasium.Env) -> Simulation | None:
     """The simulation behind an environment; None where it is not MuJoCo."""
-    base = env.unwrapped
+    base: Any = env.unwrapped
     if hasattr(base, "physics") and hasattr(base, "get_observation"):
         physics = base.physics
         labels = _numbered(base.observation_keys())

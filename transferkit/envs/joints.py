@@ -1,5 +1,7 @@
 """The joints and actuators of a MuJoCo model, with names that do not depend on who wrote the model."""
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco's names come from compiled modules that pyright cannot read.
 from __future__ import annotations
 
 from collections import Counter
@@ -26,29 +28,45 @@ def read_joints(model: Any, data: Any) -> list[Joint]:  # noqa: ANN401 - mujoco'
         rest = data.subtree_com[body] - data.xanchor[j]
         for type_, axis in _degrees_of_freedom(int(model.jnt_type[j]), data.xaxis[j], data.xmat[body].reshape(3, 3)):
             name = _canonical_name(type_, axis, used)
-            direction = rest / np.linalg.norm(rest) if type_ == "hinge" and np.linalg.norm(rest) > 1e-6 else np.zeros(3)
+            length = float(np.linalg.norm(rest)) if type_ == "hinge" else 0.0
+            direction = rest / length if length > 1e-6 else np.zeros(3)
             model_name = model.joint(j).name or f"joint{j}"
-            joints.append(Joint(name, model_name, type_, _rounded(axis), parent, _rounded(direction)))
+            joints.append(Joint(name, model_name, type_, _rounded(axis), parent, _rounded(direction), round(length, 6)))
             last_of_body[body] = parent = name
     return joints
 
 
-def read_actuators(env_low: NDArray, env_high: NDArray, model: Any, joints: list[Joint]) -> list[Actuator]:  # noqa: ANN401
-    """One `Actuator` per element of the action, with the bounds the environment states."""
+def read_actuators(
+    low: NDArray,
+    high: NDArray,
+    model: Any,  # noqa: ANN401 - mujoco's type
+    joints: list[Joint],
+) -> list[Actuator]:
+    """One `Actuator` per element of the action, with the bounds `(act_dim,)` the environment states."""
     actuators = []
-    for k in range(len(env_low)):
-        joint, gear, unit = None, 1.0, ""
+    for k in range(len(low)):
+        joint, gear, unit, authority = None, 1.0, "", 0.0
         model_name = f"action{k}"
-        if len(env_low) == model.nu:
+        if len(low) == model.nu:
             model_name = model.actuator(k).name or f"actuator{k}"
             target = int(model.actuator_trnid[k, 0])
             if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.jnt_type[target] in (SLIDE, HINGE):
                 driven = joints[int(model.jnt_dofadr[target])]
                 joint, unit = driven.name, "N" if driven.type == "slide" else "N m"
+                authority = _authority(model, k, int(model.jnt_dofadr[target]), float(high[k] - low[k]) / 2)
             gear = float(model.actuator_gear[k, 0] * model.actuator_gainprm[k, 0])
         name = f"drive.{joint}" if joint else model_name
-        actuators.append(Actuator(name, model_name, joint, float(env_low[k]), float(env_high[k]), gear, unit))
+        actuators.append(Actuator(name, model_name, joint, float(low[k]), float(high[k]), gear, authority, unit))
     return actuators
+
+
+def _authority(model: Any, actuator: int, dof: int, control: float) -> float:  # noqa: ANN401
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    before = data.qacc[dof]
+    data.ctrl[actuator] = control
+    mujoco.mj_forward(model, data)
+    return round(float(data.qacc[dof] - before), 4)
 
 
 def _parent(model: Any, body: int, last_of_body: dict[int, str]) -> str | None:  # noqa: ANN401

@@ -4,6 +4,8 @@ One flat float32 observation, actions in [-1, 1] that are clipped and scaled to 
 truncated apart, `reset(seed=)` deterministic.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco's names come from compiled modules that pyright cannot read.
 from __future__ import annotations
 
 import logging
@@ -31,12 +33,12 @@ def environment_ids() -> list[str]:
     """Every environment that is tested by id: Gymnasium's MuJoCo v5 tasks and the dm_control suite."""
     import envs_dmc  # noqa: PLC0415 - takes seconds to import
 
-    mujoco = [
+    v5 = [
         env_id
         for env_id, spec in gymnasium.registry.items()
-        if str(spec.entry_point).startswith("gymnasium.envs.mujoco") and spec.version == 5  # noqa: PLR2004
+        if str(spec.entry_point).startswith("gymnasium.envs.mujoco") and spec.version == 5
     ]
-    return sorted(mujoco) + sorted(envs_dmc.task_ids())
+    return sorted(v5) + sorted(envs_dmc.task_ids())
 
 
 def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_actions: bool = True) -> Env:
@@ -118,7 +120,7 @@ def _from_id(env_id: str, render_mode: str | None) -> gymnasium.Env:
     kwargs: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
     try:
         return gymnasium.make(env_id, disable_env_checker=True, **kwargs)
-    except (gymnasium.error.UnregisteredEnv, gymnasium.error.NameNotFound, gymnasium.error.MalformedEnvironmentID):
+    except (gymnasium.error.UnregisteredEnv, gymnasium.error.NameNotFound):
         raise UnknownNameError("environment", env_id, environment_ids(), LISTING) from None
     except (gymnasium.error.Error, ImportError) as error:
         reason = str(error).splitlines()[0]

@@ -5,12 +5,13 @@ those that change it. *Form*: over many random states an element is compared wit
 sine and cosine of each angle and of sums of angles, the heights of bodies); one that fits all states names it.
 """
 
+# pyright: reportAttributeAccessIssue=false
+# mujoco's names come from compiled modules that pyright cannot read.
 from __future__ import annotations
 
 import itertools
 from collections import Counter
 from dataclasses import dataclass, replace
-from typing import Any
 
 import gymnasium
 import mujoco
@@ -20,8 +21,8 @@ from numpy.typing import NDArray
 from transferkit.envs.access import Simulation, open_simulation
 from transferkit.envs.joints import BALL, FREE, read_actuators, read_joints
 from transferkit.envs.make import episode_limit, make_env, time_step
-from transferkit.versions import versions
 from transferkit.spec import Element, IOSpec, Joint
+from transferkit.versions import versions
 
 SAMPLES = 24
 """Random states; a wrong form would have to fit all of them."""
@@ -246,9 +247,7 @@ class _Prober:
         suffix = "/s" if quantity == "velocity" and unit else ""
         return self._named(quantity, dofs, fit[:-1], float(fit[-1]), unit + suffix)
 
-    def _trigonometric(
-        self, y: NDArray, dofs: NDArray[np.intp], coefficients: NDArray, angle: NDArray
-    ) -> Element | None:
+    def _trigonometric(self, y: NDArray, dofs: NDArray[np.intp], coefficients: NDArray, angle: NDArray) -> Element | None:
         fit = _least_squares(np.column_stack([np.sin(angle), np.cos(angle), np.ones(SAMPLES)]), y)
         if fit is None or abs(fit[2]) > 1e-3 or abs(np.hypot(fit[0], fit[1]) - 1) > 1e-3:
             return None
@@ -259,9 +258,7 @@ class _Prober:
         offset = (phase - np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
         return self._named("cos", dofs, coefficients, 0.0 if abs(offset) < 1e-3 else offset, "")
 
-    def _named(
-        self, quantity: str, dofs: NDArray[np.intp], coefficients: NDArray, offset: float, unit: str
-    ) -> Element:
+    def _named(self, quantity: str, dofs: NDArray[np.intp], coefficients: NDArray, offset: float, unit: str) -> Element:
         names = tuple(self.joints[dof].name for dof in dofs)
         rounded = tuple(round(float(c), 4) for c in coefficients)
         return Element(f"{'+'.join(names)}.{quantity}", quantity, names, rounded, round(offset, 4) + 0.0, unit)

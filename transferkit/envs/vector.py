@@ -8,6 +8,7 @@ deterministic environment to the bit without knowing its internals.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -55,9 +56,7 @@ class VectorEnv:
         """Start episode 0 of every environment; observations `(num_envs, obs_dim)`."""
         return np.stack([self._start(i, 0) for i in range(self.num_envs)])
 
-    def step(
-        self, actions: NDArray[np.float32], count: Callable[[int, float, bool, bool], bool] | None = None
-    ) -> Step:
+    def step(self, actions: NDArray[np.float32], count: Callable[[int, float, bool, bool], bool] | None = None) -> Step:
         """Step the environments in order with actions `(num_envs, act_dim)`.
 
         `count(env_index, reward, terminated, truncated)` is called after each single environment step; once it returns
@@ -70,7 +69,7 @@ class VectorEnv:
         for i, action in enumerate(actions):
             observation, reward, terminated, truncated, _ = self.envs[i].step(action)
             self._actions[i].append(action.copy())
-            if not (np.isfinite(observation).all() and np.isfinite(reward)):
+            if not (np.isfinite(observation).all() and math.isfinite(float(reward))):
                 raise NotFiniteError(
                     f"environment {i} returned a NaN or infinite value in step {len(self._actions[i])} of its episode "
                     f"{self._episode[i]}; check the environment or lower the learning rate"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -20,7 +21,12 @@ class Linear(nn.Linear):
     """
 
     def __init__(
-        self, in_features: int, out_features: int, generator: torch.Generator | None = None, *, gain: float | None = None
+        self,
+        in_features: int,
+        out_features: int,
+        generator: torch.Generator | None = None,
+        *,
+        gain: float | None = None,
     ) -> None:
         self._generator, self._gain = generator, gain
         super().__init__(in_features, out_features)
@@ -72,6 +78,6 @@ def mlp(
     """Hidden layers of an MLP, without an output layer."""
     sizes = [in_features, *hidden]
     layers: list[nn.Module] = []
-    for fan_in, fan_out in zip(sizes, sizes[1:], strict=False):
+    for fan_in, fan_out in itertools.pairwise(sizes):
         layers += [Linear(fan_in, fan_out, generator, gain=gain), ACTIVATIONS[activation]()]
     return MLP(*layers)

@@ -29,7 +29,7 @@ class PartAdam(torch.optim.Adam):
         self.flat = [_flatten(part.parameters) for part in self.parts]
         super().__init__([{"params": [flat]} for flat in self.flat], lr=lr, fused=True)
 
-    def zero_grad(self, set_to_none: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002 - torch's signature
+    def zero_grad(self, set_to_none: bool = True) -> None:  # noqa: FBT001, FBT002 - torch's signature
         """Set every gradient to zero, always in place: the parameters' gradients are views."""
         for flat in self.flat:
             flat.grad.zero_()  # type: ignore[union-attr] - set by _flatten and never removed

@@ -41,9 +41,7 @@ class PolicyNet(nn.Module):
     `body` makes the features, `(B, hidden[-1])`; `mean_head` and the log-std make the action of them.
     """
 
-    def __init__(
-        self, architecture: Architecture, generator: torch.Generator | None = None, *, init_std: float = 1.0
-    ) -> None:
+    def __init__(self, architecture: Architecture, generator: torch.Generator | None = None, *, init_std: float = 1.0) -> None:
         """Initialise from the generator, or with zeros when the weights are loaded afterwards.
 
         Orthogonal with gain sqrt(2), and 0.01 on the mean head so that a new policy acts near zero (Andrychowicz et al.

@@ -46,6 +46,10 @@ class Policy(nn.Module):
         """Mean and log-std of the action."""
         raise NotImplementedError
 
+    def normalized(self, observation: Tensor) -> Tensor:
+        """The observation under the policy's statistics, or as it is where it has none."""
+        return observation if self.normalizer is None else self.normalizer(observation)
+
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
         """The parts by name, from the observation to the action."""
         raise NotImplementedError
@@ -121,7 +125,7 @@ class ScratchPolicy(Policy):
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log-std of the action."""
-        return self.network(observation if self.normalizer is None else self.normalizer(observation))
+        return self.network(self.normalized(observation))
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
         """One part, the network."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import torch
 from torch import Tensor
 
 from transferkit.errors import ConfigError
 from transferkit.nn import Architecture, Normalizer, PolicyNet
 from transferkit.policy.base import ScratchPolicy
+from transferkit.run.streams import Streams
 from transferkit.spec import IOSpec
 
 
@@ -54,3 +56,19 @@ class Core:
         if not 0 <= member < len(self.seeds):
             raise ConfigError(f"core {self.id} has no member {member}; it has 0 to {len(self.seeds) - 1}")
         return {name: tensor[member] for name, tensor in self.parts[part].items()}
+
+    def randomized(self, seed: int) -> Core:
+        """The control that shares nothing but the architecture: every member freshly initialised."""
+        generator = Streams(seed).torch("random core")
+        fresh = [PolicyNet(self.architecture, generator).state_dict() for _ in self.seeds]
+        network = {name: torch.stack([state[name] for state in fresh]) for name in self.parts["policy"]}
+        return replace(self, id=f"{self.id} (random)", parts={**self.parts, "policy": network})
+
+    def shuffled(self, seed: int) -> Core:
+        """The control that shares every layer's distribution of weights: each tensor permuted within itself."""
+        generator = Streams(seed).torch("shuffled core")
+        network = {}
+        for name, tensor in self.parts["policy"].items():
+            rows = [row.flatten()[torch.randperm(row.numel(), generator=generator)].view_as(row) for row in tensor]
+            network[name] = torch.stack(rows)
+        return replace(self, id=f"{self.id} (shuffled)", parts={**self.parts, "policy": network})

@@ -17,6 +17,8 @@ class InputAdapter(nn.Module):
     learns a correction in well-scaled units.
     """
 
+    weight: Tensor
+    bias: Tensor
     form: Tensor
     """`(3, d_source)`: 1 where a core input is linear, a sine, a cosine of the matched quantity."""
 
@@ -32,7 +34,10 @@ class InputAdapter(nn.Module):
         d_target = normalizer.mean.shape[0]
         semantic = found is not None
         self.linear = Linear(d_target, d_source, None if semantic else generator, gain=1.0)
-        self._normalizers = [normalizer, source_normalizer or nn.Identity()]  # in a list: parts of the policy, not of this
+        self._normalizers = [
+            normalizer,
+            source_normalizer or nn.Identity(),
+        ]  # in a list: parts of the policy, not of this
         self.semantic = semantic
         if found is not None:
             self._sin, self._cos = list(found.sin), list(found.cos)

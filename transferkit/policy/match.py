@@ -2,7 +2,13 @@
 
 A source joint matches the first target joint of the same type whose axis is parallel, whose parent is the match of its own
 parent, and (for a hinge) whose load rests in the same direction: upright matches upright, never hanging. Signs come from the
-axes. Every observation element of the core is then solved for as a linear combination of the target's positions, or as the
+axes.
+
+Quantities are scaled by dynamic similarity (Froude): under the same gravity a mechanism `s` times as long moves alike when
+lengths scale with s, times with sqrt(s) and accelerations not at all. The length is that from the matched hinges to the
+mass they carry, and an action keeps the acceleration it causes. Nothing of it is fitted.
+
+Every observation element of the core is then solved for as a linear combination of the target's positions, or as the
 sine or cosine of one; sines and cosines of the target are first turned into angles with atan2.
 """
 
@@ -45,6 +51,8 @@ class Match:
     """`(target act_dim, source act_dim)`."""
     joints: dict[str, str]
     """Source joint to target joint, for `describe`."""
+    scale: float
+    """Length of the source over that of the target."""
 
     @property
     def found(self) -> bool:
@@ -59,6 +67,7 @@ class Match:
 def match(source: IOSpec, target: IOSpec) -> Match:
     """Match a core's source with a target environment."""
     joints = _match_joints(source.joints, target.joints)
+    scale = _length_scale(source, target, joints)
     sin, cos, angle_rows = _angle_pairs(target)
     positions = [_row(e, target) if e.quantity == "position" else None for e in target.observation] + angle_rows
     velocities = [_row(e, target) if e.quantity == "velocity" else None for e in target.observation]
@@ -67,12 +76,12 @@ def match(source: IOSpec, target: IOSpec) -> Match:
     weight, bias, form = np.zeros((source.obs_dim, width)), np.zeros(source.obs_dim), []
     for i, element in enumerate(source.observation):
         known = velocities if element.quantity == "velocity" else positions
-        solution = _solve(element, joints, target, known)
+        solution = _solve(element, source, joints, target, known, scale)
         form.append("none" if solution is None else _form(element.quantity))
         if solution is not None:
             weight[i, : len(solution)] = solution
             bias[i] = element.offset - weight[i] @ offsets * (element.quantity != "velocity")
-    action = _match_actions(source, target, joints)
+    action = _match_actions(source, target, joints, scale)
     return Match(
         tuple(sin),
         tuple(cos),
@@ -81,6 +90,7 @@ def match(source: IOSpec, target: IOSpec) -> Match:
         tuple(form),
         tuple(map(tuple, action.tolist())),
         {name: joint for name, (joint, _) in joints.items()},
+        scale,
     )
 
 
@@ -90,12 +100,13 @@ def explain(found: Match, source: IOSpec, target: IOSpec) -> str:
     names += [f"atan2({names[s]}, {names[c]})" for s, c in zip(found.sin, found.cos, strict=True)]
     lines = []
     for element, row, bias, form in zip(source.observation, found.weight, found.bias, found.form, strict=True):
-        terms = " ".join(f"{w:+g} {name}" for w, name in zip(row, names, strict=True) if abs(w) > 1e-9)
+        terms = " ".join(f"{w:+.4g} {name}" for w, name in zip(row, names, strict=True) if abs(w) > 1e-9)
         value = terms + (f" {bias:+g}" if abs(bias) > 1e-9 else "")
         text = {"none": "not matched", "linear": value}.get(form, f"{form}({value})")
         lines.append(f"  core input {element.name} = {text}")
+    lines.append(f"  lengths: the source's are {found.scale:.3g} times the target's")
     for actuator, row in zip(target.action, found.action_weight, strict=True):
-        terms = " ".join(f"{w:+g} {a.name}" for w, a in zip(row, source.action, strict=True) if w)
+        terms = " ".join(f"{w:+.4g} {a.name}" for w, a in zip(row, source.action, strict=True) if w)
         lines.append(f"  action {actuator.name} = {terms or 'not matched'}")
     return "\n".join(lines)
 
@@ -146,16 +157,22 @@ def _row(element: Element, spec: IOSpec) -> NDArray:
 
 
 def _solve(
-    element: Element, joints: dict[str, tuple[str, float]], target: IOSpec, known: Sequence[NDArray | None]
+    element: Element,
+    source: IOSpec,
+    joints: dict[str, tuple[str, float]],
+    target: IOSpec,
+    known: Sequence[NDArray | None],
+    scale: float,
 ) -> NDArray | None:
     """Weights over the known target quantities that give the element's (argument's) joint combination, if any do."""
     if not element.coefficients or any(name not in joints for name in element.joints):
         return None
     index = {joint.name: k for k, joint in enumerate(target.joints)}
+    types = {joint.name: joint.type for joint in source.joints}
     wanted = np.zeros(len(target.joints))
     for name, coefficient in zip(element.joints, element.coefficients, strict=True):
         partner, sign = joints[name]
-        wanted[index[partner]] = coefficient * sign
+        wanted[index[partner]] = coefficient * sign * _similarity(element.quantity, types[name], scale)
     basis = np.array([np.zeros(len(target.joints)) if row is None else row for row in known])
     weights = np.linalg.lstsq(basis.T, wanted, rcond=None)[0]
     weights[np.abs(weights) < 1e-9] = 0.0
@@ -166,7 +183,24 @@ def _form(quantity: str) -> str:
     return quantity if quantity in ("sin", "cos") else "linear"
 
 
-def _match_actions(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, float]]) -> NDArray:
+def _length_scale(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, float]]) -> float:
+    """Geometric mean over the matched hinges."""
+    lengths = {joint.name: joint.length for joint in target.joints}
+    ratios = [
+        joint.length / lengths[joints[joint.name][0]]
+        for joint in source.joints
+        if joint.name in joints and joint.length > 0 and lengths[joints[joint.name][0]] > 0
+    ]
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
+
+
+def _similarity(quantity: str, joint_type: str, scale: float) -> float:
+    """The source's value over the target's in similar motion."""
+    length, time = (scale if joint_type == "slide" else 1.0), scale**0.5
+    return length / time if quantity == "velocity" else length
+
+
+def _match_actions(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, float]], scale: float) -> NDArray:
     weight = np.zeros((target.act_dim, source.act_dim))
     for j, actuator in enumerate(source.action):
         if actuator.joint not in joints:
@@ -174,5 +208,7 @@ def _match_actions(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, 
         partner, sign = joints[actuator.joint]
         for k, candidate in enumerate(target.action):
             if candidate.joint == partner:
-                weight[k, j] = sign * np.sign(actuator.gear * candidate.gear)
+                length = scale if candidate.unit == "N m" else 1.0  # angular accelerations scale with 1 / length
+                known = actuator.authority and candidate.authority
+                weight[k, j] = sign * (length * actuator.authority / candidate.authority if known else 1.0)
     return weight

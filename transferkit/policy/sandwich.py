@@ -20,8 +20,6 @@ from transferkit.spec import IOSpec
 class Sandwich(Policy):
     """A core between two ends; only linear maps around it, and a bounded log-std that does not depend on the state."""
 
-    normalizer: Normalizer
-
     def __init__(
         self,
         core: PolicyNet,
@@ -44,9 +42,7 @@ class Sandwich(Policy):
         self.source_normalizer = source_normalizer
         features = config.tap == "features"
         d_core, d_tap = source.obs_dim, core.feature_dim if features else source.act_dim
-        self.input_adapter = InputAdapter(
-            self.normalizer, source_normalizer, d_core, found, generators.get("input_adapter")
-        )
+        self.input_adapter = InputAdapter(self.normalizer, source_normalizer, d_core, found, generators.get("input_adapter"))
         self.input_finetune = ResidualLinear(d_core) if config.finetune else nn.Identity()
         self.core = core
         self.output_finetune = ResidualLinear(d_tap) if config.finetune else nn.Identity()
@@ -66,7 +62,7 @@ class Sandwich(Policy):
         tapped = features if self.config.tap == "features" else self.core.action_distribution(features)[0]
         mean = self.output_adapter(self.output_finetune(tapped))
         if self.residual is not None:
-            mean = mean + self.residual(self.normalizer(observation))
+            mean = mean + self.residual(self.normalized(observation))
         return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
@@ -121,5 +117,5 @@ def _initial_log_std(core: PolicyNet, found: Match | None, act_dim: int, init_st
         for k, row in enumerate(found.action_weight):
             for j, weight in enumerate(row):
                 if weight:
-                    log_std[k] = core.log_std.detach()[j]
+                    log_std[k] = core.log_std.detach()[j]  # its own, in the target's action range
     return log_std

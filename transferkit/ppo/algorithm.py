@@ -7,8 +7,8 @@ from typing import Any, cast
 
 os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # rsl_rl imports git, which raises where no git binary exists
 
-import rsl_rl.algorithms
 import numpy as np
+import rsl_rl.algorithms
 import torch
 from gymnasium.wrappers.utils import RunningMeanStd
 from numpy.typing import NDArray

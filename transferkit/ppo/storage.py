@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any, cast
 
 import torch
@@ -65,7 +65,7 @@ class Storage(RolloutStorage):
         """Minibatches of a pass over the rollout; the last may be smaller."""
         return -(-self.step * self.num_envs // self.batch_size)
 
-    def mini_batch_generator(self, num_mini_batches: int, num_epochs: int = 8) -> Iterator[RolloutStorage.Batch]:
+    def mini_batch_generator(self, num_mini_batches: int, num_epochs: int = 8) -> Generator[RolloutStorage.Batch]:
         """Minibatches of `batch_size`, permuted anew in every epoch, or in the order of time."""
         flat = {name: getattr(self, name).flatten(0, 1) for name in self.FIELDS if name not in ("rewards", "dones")}
         params = [p.flatten(0, 1) for p in cast("tuple[Tensor, ...]", self.distribution_params)]

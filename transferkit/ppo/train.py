@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
@@ -55,7 +55,7 @@ def collect(
     """Fill the storage with one rollout, shorter where the budget ends; returns the observations `(num_envs, obs_dim)`."""
     device = algorithm.device
     for _ in range(algorithm.storage.num_transitions_per_env):
-        action = algorithm.act(_tensor(observation, device))
+        action = algorithm.act(cast("Any", _tensor(observation, device)))
         step = envs.step(action.cpu().numpy(), session.count)
         if len(step.reward) < envs.num_envs:  # the budget ended between two environments
             break

@@ -42,9 +42,7 @@ class RunDirectory:
             RunDirectoryError: the folder holds a run or other files, or is not writable.
         """
         if path.exists() and any(path.iterdir()):
-            raise RunDirectoryError(
-                f"output directory {path} is in use; continue it with --resume or pass another --out DIR"
-            )
+            raise RunDirectoryError(f"output directory {path} is in use; continue it with --resume or pass another --out DIR")
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
         run = cls(path)
@@ -121,9 +119,7 @@ class RunDirectory:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             lock.close()
-            raise RunDirectoryError(
-                f"another process is writing {self.path}; wait for it or pass another --out DIR"
-            ) from None
+            raise RunDirectoryError(f"another process is writing {self.path}; wait for it or pass another --out DIR") from None
         return lock
 
     def _open_tables(self) -> None:

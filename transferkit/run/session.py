@@ -44,7 +44,7 @@ class Session:
         self._recent: deque[float] = deque(maxlen=RECENT)
         self._evaluated = 0
         self._interrupted = False
-        self._started = self._saved = time.monotonic()
+        self._started = self._saved = 0.0
         self._seconds_before = 0.0
         self._writer: Any = None
 
@@ -53,7 +53,7 @@ class Session:
         """Share of the budget that is spent."""
         return self.spent.fraction(self.budget)
 
-    def count(self, index: int, reward: float, terminated: bool, truncated: bool) -> bool:
+    def count(self, index: int, reward: float, terminated: bool, truncated: bool) -> bool:  # noqa: FBT001
         """Book one step of one environment; True once the budget is reached."""
         spent = self.spent
         spent.steps += 1
@@ -130,14 +130,15 @@ class Session:
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a checkpoint's `session` state."""
         self.spent = Spent(*state["spent"])
-        self._seconds_before, self._started = self.spent.seconds, time.monotonic()
+        self._seconds_before = self.spent.seconds
         self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
         self._recent.extend(state["recent"])
         self._evaluated = state["evaluated"]
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Turn Ctrl-C and SIGTERM into a clean stop at the next update; a second one stops at once."""
+        """Start the clock, and turn Ctrl-C and SIGTERM into a clean stop at the next update; a second one stops at once."""
+        self._started = self._saved = time.monotonic()
         if threading.current_thread() is not threading.main_thread():
             yield
             return

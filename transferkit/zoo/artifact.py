@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -125,7 +124,7 @@ def check_probe(core: Core, folder: Path) -> float:
 
 
 @torch.no_grad()
-def _make_probe(core: Core) -> Mapping[str, Tensor]:
+def _make_probe(core: Core) -> dict[str, Tensor]:
     generator = Streams(0).torch("probe")
     observation = torch.randn(PROBE_INPUTS, core.spec.obs_dim, generator=generator)
     outputs = [core.policy(member)(observation) for member in range(len(core.seeds))]

@@ -1,0 +1,45 @@
+# The menu. Every target works on a fresh machine with Python >= 3.11.
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: help quickstart install test lint docs bench lock clean
+
+help:
+	@echo "make quickstart | test | lint | docs | bench | lock | clean"
+
+.venv/.uv:
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet "uv>=0.8,<1"
+	@touch $@
+
+.venv/.installed: .venv/.uv requirements.lock pyproject.toml
+	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet -r requirements.lock
+	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --no-deps -e .
+	@touch $@
+
+install: .venv/.installed
+
+quickstart: install
+	$(BIN)/transferkit quickstart
+
+test: install
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not slow"
+
+lint: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright
+
+docs: install
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+
+bench: install
+	$(BIN)/python -m tests.bench
+
+lock:
+	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
+		--extra dev --no-emit-index-url --custom-compile-command "make lock" pyproject.toml -o requirements.lock
+
+clean:
+	rm -rf .venv build docs/_build runs

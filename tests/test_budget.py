@@ -1,0 +1,18 @@
+import pytest
+
+from transferkit.budget import Budget, Spent
+from transferkit.errors import ConfigError
+
+
+@pytest.mark.parametrize("limits", [{}, {"episodes": 0}, {"steps": -1}, {"seconds": 0.0}, {"seconds": float("nan")}])
+def test_a_budget_needs_a_positive_limit(limits):
+    with pytest.raises(ConfigError, match="--"):
+        Budget(**limits)
+
+
+def test_the_first_limit_reached_ends_training():
+    budget = Budget(episodes=10, steps=100)
+    assert Spent(episodes=3, steps=50).fraction(budget) == 0.5
+    assert not Spent(episodes=9, steps=99).exhausts(budget)
+    assert Spent(episodes=10, steps=20).exhausts(budget)
+    assert Spent(episodes=1, steps=100).exhausts(budget)

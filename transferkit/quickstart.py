@@ -1,0 +1,129 @@
+"""The main job in two minutes: a core that works on its twin at once, and on a harder robot after 200 episodes or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from transferkit import stats
+from transferkit.budget import Budget
+from transferkit.config import TrainConfig
+from transferkit.envs import derive_spec
+from transferkit.evaluation import Evaluation, RandomPolicy, ZeroPolicy, evaluate
+from transferkit.policy import wrap
+from transferkit.policy.core import Core
+from transferkit.run.directory import read_table
+from transferkit.run.session import Report
+from transferkit.transfer import Result, run_training
+from transferkit.zoo.artifact import load_core
+
+CORE, TWIN, TARGET = "inverted-pendulum-v1", "dm_control/cartpole-balance-v0", "InvertedDoublePendulum-v5"
+EPISODES = 200
+"""Budget on the target; the paper's."""
+
+WINDOW = 20
+"""Episodes of the running mean in the picture."""
+
+TWIN_EPISODES = 4
+"""Evaluation episodes per member on the twin; 1000 steps each."""
+
+
+@dataclass(frozen=True)
+class ZeroShot:
+    """Returns on a target before any target step."""
+
+    who: str
+    mean: float
+    low: float
+    high: float
+    members: tuple[float, ...]
+    """Mean of each member; a single one where there are no members."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Everything the quickstart measured."""
+
+    twin: tuple[ZeroShot, ...]
+    """The core and its controls on the twin."""
+    runs: tuple[Result, ...]
+    """Transfer and scratch on the target."""
+    zero_action: ZeroShot
+    """Doing nothing on the target."""
+    picture: str
+    """Learning curves, a PNG."""
+
+
+def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManager[Report]], *, seed: int = 0) -> Outcome:
+    """Play the core on its twin, then train it and a scratch policy on the target; repeated calls continue."""
+    core = load_core(CORE)
+    twin = zero_shot(core, TWIN, episodes=TWIN_EPISODES, seed=seed)
+    runs = []
+    for core_id in (CORE, None):
+        config = TrainConfig(TARGET, core=core_id, seed=seed, episodes=EPISODES)
+        with progress(f"{core_id or 'scratch'} on {TARGET}", Budget(EPISODES)) as report:
+            runs.append(run_training(config, out=out / (core_id or "scratch"), resume=True, report=report))
+    nothing = _summary("zero action", [evaluate(ZeroPolicy(1), TARGET, seed=0)])
+    picture = out / "learning_curves.png"
+    draw_learning_curves(runs, nothing.mean, picture)
+    return Outcome(twin, tuple(runs), nothing, str(picture))
+
+
+def draw_learning_curves(runs: Sequence[Result], zero_action: float, path: Path) -> None:
+    """Training returns of runs over episodes and over environment steps, each episode and a running mean."""
+    import matplotlib  # noqa: PLC0415 - half a second
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot  # noqa: PLC0415
+
+    figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
+    for run, colour in zip(runs, ("#0072B2", "#D55E00"), strict=False):  # Okabe and Ito's colour-blind safe palette
+        rows = read_table(Path(run.run_dir), "episodes")
+        returns = np.array([row["return"] for row in rows])
+        window = np.ones(min(WINDOW, len(returns)))
+        mean = np.convolve(returns, window) / np.convolve(np.ones(len(returns)), window)
+        for axis, x in zip(axes, ("episode", "steps"), strict=True):
+            xs = [row[x] for row in rows]
+            axis.plot(xs, returns, ".", color=colour, alpha=0.25, markersize=4)
+            axis.plot(xs, mean[: len(returns)], color=colour, label=run.core or "scratch")
+            axis.axhline(zero_action, color="grey", linestyle=":")
+            axis.set_xlabel("environment steps" if x == "steps" else "training episodes")
+    axes[0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
+    axes[0].set_title(f"{runs[0].env}, one seed")
+    axes[1].set_title("dotted: zero action")
+    axes[0].legend()
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+def zero_shot(core: Core, env: str, *, episodes: int, seed: int = 0) -> tuple[ZeroShot, ...]:
+    """Every member of a core on a target before any target step, beside its controls.
+
+    Controls: the same sandwich around a core with shuffled and with random weights, uniform actions, no action.
+    """
+    target = derive_spec(env)
+
+    def play(name: str, actors: Sequence) -> ZeroShot:
+        return _summary(name, [evaluate(actor, env, episodes=episodes, seed=seed) for actor in actors])
+
+    def members(name: str, variant: Core) -> ZeroShot:
+        return play(name, [wrap(variant, target, member=member) for member in range(len(core.seeds))])
+
+    return (
+        members("core", core),
+        members("shuffled core", core.shuffled(seed)),
+        members("random core", core.randomized(seed)),
+        play("random actions", [RandomPolicy(target.act_dim, seed)]),
+        play("zero action", [ZeroPolicy(target.act_dim)]),
+    )
+
+
+def _summary(name: str, evaluations: Sequence[Evaluation]) -> ZeroShot:
+    groups = [evaluation.returns for evaluation in evaluations]
+    low, high = stats.hierarchical_interval(groups) if len(groups) > 1 else stats.mean_interval(groups[0])
+    means = tuple(evaluation.mean for evaluation in evaluations)
+    return ZeroShot(name, sum(means) / len(means), low, high, means)
