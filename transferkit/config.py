@@ -20,7 +20,7 @@ class PPOConfig:
     """Environments stepped side by side."""
     rollout: Literal["steps", "episode"] = "steps"
     """Update after `rollout_steps`, or after every episode (the paper's code; one environment)."""
-    rollout_steps: int = 512
+    rollout_steps: int = 128
     """Environment steps per update, over all environments together."""
     epochs: int = 10
     """Passes over a rollout."""

@@ -181,7 +181,7 @@ def _execute(
             directory,
             budget,
             envs.num_envs,
-            evaluate=lambda: evaluate(policy, make, episodes=config.eval_episodes).row(),
+            evaluate=lambda: evaluate(_as_saved(policy), make, episodes=config.eval_episodes).row(),
             eval_every=config.eval_every,
             checkpoint_seconds=config.checkpoint_seconds,
             report=report,
@@ -200,6 +200,14 @@ def _execute(
         return result
     finally:
         directory.close()
+
+
+def _as_saved(policy: Policy) -> Policy:
+    """A copy with memory of its own, as `load_policy` makes it: training keeps the weights as views of one buffer, and
+    their alignment changes the last bits of an action."""
+    copy = build(policy.blueprint())
+    copy.load_state_dict(policy.state_dict())
+    return copy
 
 
 def _trainer(config: TrainConfig) -> Callable[..., None]:

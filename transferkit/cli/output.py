@@ -7,10 +7,12 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from transferkit.budget import Budget, Spent
-from transferkit.run.session import Report
+
+if TYPE_CHECKING:
+    from transferkit.run.session import Report
 
 PLAIN_SECONDS = 15.0
 """Between progress lines where stderr is no terminal."""
@@ -49,14 +51,14 @@ def progress(label: str, budget: Budget) -> Iterator[Report]:
 
 
 def _plain(label: str, budget: Budget) -> Report:
-    started = last = time.monotonic()
+    last = time.monotonic()
 
     def report(spent: Spent, metrics: Mapping[str, float]) -> None:
         nonlocal last
         now, share = time.monotonic(), min(1.0, spent.fraction(budget))
         if now - last >= PLAIN_SECONDS and share > 0:
             last = now
-            left = (now - started) * (1 - share) / share
+            left = spent.seconds * (1 - share) / share
             print(f"{label}: {share:.0%}, {left:.0f} s left, {_text(spent, metrics)}", file=sys.stderr)
 
     return report

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -54,9 +53,9 @@ def wrap(
     """
     config = _configure(config or WRAP_PRESETS[preset], options)
     target = env if isinstance(env, IOSpec) else derive_spec(env)
-    network, normalizer = copy.deepcopy(core.network(member)), copy.deepcopy(core.normalizer(member))
     source = core.spec
-    _check_dims(network.architecture, source, core.id)
+    _check_dims(core.architecture, source, core.id)
+    network, normalizer = core.network(member), core.normalizer(member)
     streams = Streams(seed)
     generators = {name: streams.torch(f"{name} initialisation") for name in ("input_adapter", "output_adapter", "residual")}
     if config.structure == "paper":

@@ -91,7 +91,7 @@ def read_card(folder: Path) -> Card:
     path = folder / CARD
     try:
         data = json.loads(path.read_text())
-        schema = data["schema"]
+        schema = int(data["schema"])
     except OSError:
         raise ArtifactError(f"{folder} is no core: it has no {CARD}; `transferkit zoo list` lists cores") from None
     except (ValueError, KeyError, TypeError) as error:

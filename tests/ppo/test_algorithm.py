@@ -1,0 +1,110 @@
+import copy
+
+import numpy as np
+import pytest
+import rsl_rl.algorithms
+import torch
+
+from transferkit.config import PPOConfig
+from transferkit.envs import Step
+from transferkit.nn import Architecture
+from transferkit.policy import ScratchPolicy
+from transferkit.ppo.algorithm import PPO
+from transferkit.run.streams import Streams
+
+CPU = torch.device("cpu")
+
+
+def algorithm(**options):
+    config = PPOConfig(num_envs=1, rollout_steps=4, normalize_reward=False, normalize_observation=False, **options)
+    policy = ScratchPolicy.create(Architecture(2, 1, (8,)), Streams(0).torch("policy"), init_std=0.5, normalize=False)
+    return PPO(policy, config, Streams(0), CPU)
+
+
+def step(reward, *, terminated=False, truncated=False, final=(0.0, 0.0), following=(0.0, 0.0)):
+    array = lambda x: np.array([x], np.float32)  # noqa: E731
+    return Step(array(following), array(reward), np.array([terminated]), np.array([truncated]), array(final))
+
+
+def play(ppo, steps, observation=(0.0, 0.0)):
+    with torch.no_grad():
+        for s in steps:
+            ppo.act(torch.tensor([observation]))
+            ppo.process_step(s)
+            observation = tuple(s.observation[0].tolist())
+        ppo.compute_returns(torch.tensor([observation]))
+    return ppo.storage
+
+
+def value(ppo, observation):
+    with torch.no_grad():
+        return ppo.critic(torch.tensor([observation])).item()
+
+
+def test_gae_by_hand():
+    """Two steps that end by termination: A1 = r1 - V1, A0 = r0 + g V1 - V0 + g lam A1."""
+    ppo = algorithm(gamma=0.9, lam=0.5)
+    storage = play(ppo, [step(1.0, following=(1.0, 0.0)), step(2.0, terminated=True)])
+    v0, v1 = value(ppo, (0.0, 0.0)), value(ppo, (1.0, 0.0))
+    a1 = 2.0 - v1
+    a0 = 1.0 + 0.9 * v1 - v0 + 0.9 * 0.5 * a1
+    assert storage.returns.flatten().tolist() == pytest.approx([a0 + v0, a1 + v1], abs=1e-6)
+
+
+def test_a_time_out_is_bootstrapped_with_the_true_final_observation():
+    ppo = algorithm(gamma=0.9)
+    storage = play(ppo, [step(1.0, truncated=True, final=(5.0, 5.0), following=(9.0, 9.0))])
+    assert storage.returns.item() == pytest.approx(1.0 + 0.9 * value(ppo, (5.0, 5.0)), abs=1e-6)
+    merged = algorithm(gamma=0.9, bootstrap_timeouts=False)
+    assert play(merged, [step(1.0, truncated=True, final=(5.0, 5.0))]).returns.item() == pytest.approx(1.0)
+
+
+def test_monte_carlo_targets_by_hand():
+    ppo = algorithm(gamma=0.5, value_target="monte-carlo")
+    storage = play(ppo, [step(1.0), step(2.0), step(4.0, terminated=True)])
+    assert storage.returns.flatten().tolist() == [1 + 0.5 * (2 + 0.5 * 4), 2 + 0.5 * 4, 4]
+
+
+def test_rewards_are_divided_by_the_deviation_of_the_discounted_return():
+    ppo = algorithm(gamma=0.5)
+    ppo.config = PPOConfig(num_envs=1, gamma=0.5, normalize_reward=True)
+    scaled = [float(ppo._scale(step(r, terminated=end))[0]) for r, end in ((1.0, False), (2.0, True), (3.0, False))]
+    assert float(ppo._running_return[0]) == 3.0  # restarted after the termination
+    returns = [1.0, 2.5, 3.0]
+    assert scaled[2] == pytest.approx(3.0 / np.sqrt(np.var(returns)), rel=1e-2)
+
+
+def test_minibatches_cover_every_sample_once_an_epoch():
+    ppo = algorithm(batch_size=3, epochs=2)
+    storage = play(ppo, [step(float(k)) for k in range(4)])
+    batches = list(storage.mini_batch_generator(storage.num_mini_batches, 2))
+    sizes = [batch.actions.shape[0] for batch in batches]
+    assert sizes == [3, 1, 3, 1]
+    first = torch.cat([batch.actions for batch in batches[:2]]).flatten().sort().values
+    assert torch.equal(first, storage.actions.flatten().sort().values)
+    sequential = play(algorithm(shuffle=False, batch_size=3), [step(float(k)) for k in range(4)])
+    assert torch.equal(next(iter(sequential.mini_batch_generator(2, 1))).actions, sequential.actions.flatten(0, 1)[:3])
+
+
+def test_our_update_equals_stock_rsl_rl_with_stock_adam():
+    """Flat buffers, the fused step and the handwritten density gradient change the speed and nothing else."""
+    ours = algorithm(batch_size=2, epochs=3, shuffle=False, entropy_coefficient=0.01)
+    play(ours, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)])
+    stock = copy.deepcopy(ours)
+    stock.actor.flat, stock.critic.flat = [], []
+    parameters = [torch.nn.Parameter(p.detach().clone()) for p in (*stock.actor.parameters(), *stock.critic.parameters())]
+    names = [
+        *(("actor", n) for n, _ in stock.actor.named_parameters()),
+        *(("critic", n) for n, _ in stock.critic.named_parameters()),
+    ]
+    for (model, name), parameter in zip(names, parameters, strict=True):
+        owner, _, attribute = name.rpartition(".")
+        setattr(getattr(stock, model).get_submodule(owner), attribute, parameter)
+    stock.optimizer = torch.optim.Adam(parameters, lr=ours.learning_rate)
+    stock.num_mini_batches = 2
+    losses = ours.update(), rsl_rl.algorithms.PPO.update(stock)
+    assert losses[0] == pytest.approx(losses[1], rel=1e-5)
+    for model in ("actor", "critic"):
+        theirs = dict(getattr(stock, model).named_parameters())
+        for name, parameter in getattr(ours, model).named_parameters():
+            torch.testing.assert_close(parameter.detach(), theirs[name].detach(), rtol=1e-4, atol=1e-6)

@@ -1,0 +1,122 @@
+import json
+import shutil
+
+import pytest
+import safetensors.torch
+import torch
+
+from transferkit import load_core
+from transferkit.errors import ArtifactError, ConfigError, UnknownNameError
+from transferkit.zoo.artifact import save_core
+from transferkit.zoo.card import digest, read_card
+from transferkit.zoo.catalog import core_folders
+from transferkit.zoo.readme import render
+from transferkit.zoo.verify import verify
+
+CORES = core_folders()
+
+
+@pytest.mark.parametrize("core_id", CORES)
+def test_every_released_core_holds_what_its_card_says(core_id):
+    card = read_card(CORES[core_id])
+    assert verify(core_id)["probe"] < 1e-5
+    assert card.id == core_id
+    assert len(card.seeds) == len(card.score.members) == 5
+    assert min(card.score.members) >= card.score.threshold
+    assert (CORES[core_id] / "README.md").read_text() == render(card)
+    assert sum(file.stat().st_size for file in CORES[core_id].iterdir()) < 1_000_000
+
+
+def test_the_first_zoo_is_there():
+    assert {"inverted-pendulum-v1", "cartpole-balance-v1", "cartpole-swingup-v1"} <= set(CORES)
+
+
+@pytest.fixture
+def copy(tmp_path):
+    return shutil.copytree(CORES["inverted-pendulum-v1"], tmp_path / "inverted-pendulum-v1")
+
+
+def edit(folder, change, *, resign=True):
+    data = json.loads((folder / "card.json").read_text())
+    change(data)
+    if resign:
+        data.pop("digest", None)
+        data["digest"] = digest(data)
+    (folder / "card.json").write_text(json.dumps(data))
+
+
+def test_a_folder_loads_like_an_id(copy):
+    assert torch.equal(load_core(copy).parts["policy"]["log_std"], load_core("inverted-pendulum-v1").parts["policy"]["log_std"])
+
+
+@pytest.mark.parametrize("name", ["core.safetensors", "probe.safetensors"])
+def test_truncated_or_changed_files_are_refused(copy, name):
+    data = (copy / name).read_bytes()
+    for bad in (data[:-3], data[:-1] + bytes([data[-1] ^ 1])):
+        (copy / name).write_bytes(bad)
+        with pytest.raises(ArtifactError, match=f"{name} is truncated or was changed"):
+            load_core(copy)
+    (copy / name).unlink()
+    with pytest.raises(ArtifactError, match="lacks its file"):
+        load_core(copy)
+
+
+def test_a_changed_card_is_refused(copy):
+    edit(copy, lambda data: data["score"].update(mean=1e6), resign=False)
+    with pytest.raises(ArtifactError, match="digest does not fit"):
+        load_core(copy)
+
+
+def test_a_newer_schema_asks_for_an_upgrade(copy):
+    edit(copy, lambda data: data.update(schema=2, novelty=1))
+    with pytest.raises(ArtifactError, match="schema 2.*reads up to 1; upgrade"):
+        load_core(copy)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"schema": 1}', '{"schema": "x"}'])
+def test_a_card_that_is_none(copy, text):
+    (copy / "card.json").write_text(text)
+    with pytest.raises(ArtifactError):
+        load_core(copy)
+
+
+def test_weights_that_do_not_fit_the_card(copy):
+    edit(copy, lambda data: data["parts"]["policy"]["architecture"].update(hidden=[8, 8]))
+    with pytest.raises(ArtifactError, match="do not fit its card"):
+        load_core(copy)
+
+
+def test_other_outputs_than_released_are_noticed(copy):
+    stored = safetensors.torch.load_file(copy / "probe.safetensors")
+    safetensors.torch.save_file({**stored, "mean": stored["mean"] + 1e-3}, copy / "probe.safetensors")
+    from transferkit.zoo.card import sha256
+
+    edit(copy, lambda data: data["files"].update({"probe.safetensors": sha256(copy / "probe.safetensors")}))
+    with pytest.raises(ArtifactError, match="other outputs"):
+        verify(copy)
+
+
+def test_a_released_version_is_never_rewritten(copy):
+    with pytest.raises(ArtifactError, match="never rewritten"):
+        save_core(load_core(copy), read_card(copy), copy)
+
+
+def test_unknown_cores_and_members():
+    with pytest.raises(UnknownNameError, match="did you mean inverted-pendulum-v1"):
+        load_core("inverted-pendulum")
+    with pytest.raises(ConfigError, match="it has 0 to 4"):
+        load_core("inverted-pendulum-v1").network(5)
+
+
+def test_parts_that_come_later_fit_the_schema(untrained_core, tmp_path):
+    """A critic part written under today's schema is loaded beside the policy."""
+    from dataclasses import replace
+
+    from transferkit.zoo.card import Part
+
+    card = read_card(CORES["inverted-pendulum-v1"])
+    core = replace(load_core("inverted-pendulum-v1"), id="x-v1")
+    core = replace(core, parts={**core.parts, "critic": {"head.weight": torch.zeros(5, 1, 64)}})
+    critic = Part("critic", {"hidden": [64]}, ("body.0.weight",), ())
+    save_core(core, replace(card, id="x-v1", parts={**card.parts, "critic": critic}), tmp_path / "x-v1")
+    assert load_core(tmp_path / "x-v1").parts["critic"]["head.weight"].shape == (5, 1, 64)
