@@ -35,7 +35,7 @@ docs: install
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 
 bench: install
-	$(BIN)/python -m tests.bench
+	$(BIN)/python -m experiments.bench
 
 lock:
 	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

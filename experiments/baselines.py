@@ -15,7 +15,18 @@ from transferkit.transfer import run_training
 from transferkit.versions import versions
 
 RESULTS = Path(__file__).parent / "results" / "baselines.csv"
-COLUMNS = ("env", "seed", "episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes", "mujoco", "torch")
+COLUMNS = (
+    "env",
+    "seed",
+    "episodes",
+    "steps",
+    "seconds",
+    "eval_return_mean",
+    "eval_return_std",
+    "eval_episodes",
+    "mujoco",
+    "torch",
+)
 
 
 def main() -> None:

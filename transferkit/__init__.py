@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from transferkit.envs import make_env as make_env
     from transferkit.errors import TransferkitError as TransferkitError
     from transferkit.evaluation import evaluate as evaluate
+    from transferkit.policy import health as health
     from transferkit.policy import wrap as wrap
     from transferkit.transfer import load_policy as load_policy
     from transferkit.transfer import run_training as run_training
@@ -31,6 +32,7 @@ _HOME = {
     "WrapConfig": "transferkit.config",
     "derive_spec": "transferkit.envs",
     "evaluate": "transferkit.evaluation",
+    "health": "transferkit.policy",
     "load_core": "transferkit.zoo.artifact",
     "load_policy": "transferkit.transfer",
     "make_env": "transferkit.envs",

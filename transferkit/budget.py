@@ -43,7 +43,11 @@ class Spent:
 
     def exhausts(self, budget: Budget) -> bool:
         """Whether any limit of the budget is reached."""
-        return self.fraction(budget) >= 1.0
+        return (
+            (budget.steps is not None and self.steps >= budget.steps)
+            or (budget.episodes is not None and self.episodes >= budget.episodes)
+            or (budget.seconds is not None and self.seconds >= budget.seconds)
+        )
 
     def fraction(self, budget: Budget) -> float:
         """The largest used share of any limit, so that 1.0 ends training."""

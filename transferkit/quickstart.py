@@ -28,7 +28,7 @@ EPISODES = 200
 WINDOW = 20
 """Episodes of the running mean in the picture."""
 
-TWIN_EPISODES = 4
+TWIN_EPISODES = 2
 """Evaluation episodes per member on the twin; 1000 steps each."""
 
 

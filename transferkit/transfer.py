@@ -203,8 +203,10 @@ def _execute(
 
 
 def _as_saved(policy: Policy) -> Policy:
-    """A copy with memory of its own, as `load_policy` makes it: training keeps the weights as views of one buffer, and
-    their alignment changes the last bits of an action."""
+    """A copy with memory of its own, as `load_policy` makes it.
+
+    Training keeps the weights as views of one buffer, and their alignment changes the last bits of an action.
+    """
     copy = build(policy.blueprint())
     copy.load_state_dict(policy.state_dict())
     return copy

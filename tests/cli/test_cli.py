@@ -10,6 +10,7 @@ import pytest
 
 from transferkit.cli.main import main
 
+CORE = "inverted-pendulum-v1"
 FAST = ["--ppo.num-envs", "2", "--ppo.rollout-steps", "64", "--ppo.epochs", "1", "--eval-episodes", "2"]
 
 
@@ -98,8 +99,8 @@ def test_doctor(capsys):
         (["train", "--env", "Hopper-v5", "--steps", "9", "--preset", "papr"], "default or paper"),
         (["train", "--env", "Hopper-v5", "--steps", "9", "--device", "cuda:77"], "--device cpu"),
         (["train", "--env", "Hopper-v5", "--steps", "9", "--core", "nope"], "unknown core 'nope'"),
-        (["train", "--env", "Hopper-v5", "--steps", "9", "--core", "inverted-pendulum-v1", "--wrap.freeze", "cor", "1"], "parts are"),
-        (["train", "--env", "Hopper-v5", "--steps", "9", "--core", "inverted-pendulum-v1", "--member", "9"], "0 to 4"),
+        (["train", "--env", "Hopper-v5", "--steps", "9", "--core", CORE, "--wrap.freeze", "cor", "1"], "parts are"),
+        (["train", "--env", "Hopper-v5", "--steps", "9", "--core", CORE, "--member", "9"], "0 to 4"),
         (["eval", "/nonexistent"], "run.json"),
     ],
 )  # fmt: skip

@@ -88,19 +88,17 @@ def test_minibatches_cover_every_sample_once_an_epoch():
 
 def test_our_update_equals_stock_rsl_rl_with_stock_adam():
     """Flat buffers, the fused step and the handwritten density gradient change the speed and nothing else."""
-    ours = algorithm(batch_size=2, epochs=3, shuffle=False, entropy_coefficient=0.01)
+    ours = algorithm(batch_size=2, epochs=3, shuffle=False, entropy_coefficient=0.01, max_grad_norm=0.1)
     play(ours, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)])
     stock = copy.deepcopy(ours)
-    stock.actor.flat, stock.critic.flat = [], []
-    parameters = [torch.nn.Parameter(p.detach().clone()) for p in (*stock.actor.parameters(), *stock.critic.parameters())]
-    names = [
-        *(("actor", n) for n, _ in stock.actor.named_parameters()),
-        *(("critic", n) for n, _ in stock.critic.named_parameters()),
-    ]
-    for (model, name), parameter in zip(names, parameters, strict=True):
+    named = [(model, name, p) for model in ("actor", "critic") for name, p in getattr(stock, model).named_parameters()]
+    for model, name, parameter in named:  # plain parameters, no longer views of flat buffers
         owner, _, attribute = name.rpartition(".")
-        setattr(getattr(stock, model).get_submodule(owner), attribute, parameter)
-    stock.optimizer = torch.optim.Adam(parameters, lr=ours.learning_rate)
+        plain = torch.nn.Parameter(parameter.detach().clone())
+        setattr(getattr(stock, model).get_submodule(owner), attribute, plain)
+    stock.actor.clipped_by_optimizer = stock.critic.clipped_by_optimizer = False
+    stock.max_grad_norm = ours.config.max_grad_norm
+    stock.optimizer = torch.optim.Adam([*stock.actor.parameters(), *stock.critic.parameters()], lr=ours.learning_rate)
     stock.num_mini_batches = 2
     losses = ours.update(), rsl_rl.algorithms.PPO.update(stock)
     assert losses[0] == pytest.approx(losses[1], rel=1e-5)

@@ -60,7 +60,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RunDirectoryError, match="No space left on device.*--resume"):
+    with pytest.raises(RunDirectoryError, match=r"No space left on device.*--resume"):
         write_atomically(path, b"new")
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
     assert path.read_bytes() == b"old"
@@ -68,7 +68,7 @@ def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
 
 def test_a_directory_in_use_is_refused(tmp_path):
     run = RunDirectory.create(tmp_path / "run", {"a": 1})
-    with pytest.raises(RunDirectoryError, match="in use.*--resume"):
+    with pytest.raises(RunDirectoryError, match=r"in use.*--resume"):
         RunDirectory.create(tmp_path / "run", {"a": 1})
     with pytest.raises(RunDirectoryError, match="another process"):
         RunDirectory.resume(tmp_path / "run", {"a": 1})

@@ -69,7 +69,7 @@ def test_a_changed_card_is_refused(copy):
 
 def test_a_newer_schema_asks_for_an_upgrade(copy):
     edit(copy, lambda data: data.update(schema=2, novelty=1))
-    with pytest.raises(ArtifactError, match="schema 2.*reads up to 1; upgrade"):
+    with pytest.raises(ArtifactError, match=r"schema 2.*reads up to 1; upgrade"):
         load_core(copy)
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import sys
+import threading
 from collections.abc import Sequence
 
 from transferkit.errors import Interrupted, TransferkitError, UnknownNameError
@@ -23,6 +25,8 @@ USER_ERROR, INTERRUPTED = 2, 130
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, 2 after a mistake, 130 after Ctrl-C."""
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch is imported; more threads slow small networks down
+    threading.excepthook = _one_line
     arguments = list(sys.argv[1:] if argv is None else argv)
     lines = "\n".join(f"  {name:<11} {text}" for name, text in COMMANDS.items())
     parser = argparse.ArgumentParser(
@@ -49,3 +53,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except TransferkitError as error:
         print(f"transferkit: {error}", file=sys.stderr)
         return USER_ERROR
+
+
+def _one_line(failure: threading.ExceptHookArgs) -> None:
+    """A thread that fails, such as TensorBoard's writer on a full disk, is worth one line."""
+    print(f"transferkit: a background writer stopped: {failure.exc_value}", file=sys.stderr)

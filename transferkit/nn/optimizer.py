@@ -15,6 +15,8 @@ class Part:
 
     parameters: Sequence[nn.Parameter]
     lr_scale: float = 1.0
+    clip_group: str = ""
+    """Gradients of the parts of a group are clipped by their common norm."""
 
 
 class PartAdam(torch.optim.Adam):
@@ -24,8 +26,8 @@ class PartAdam(torch.optim.Adam):
     step are then one operation a part instead of several a tensor, which is most of their cost in a small network.
     """
 
-    def __init__(self, parts: Sequence[Part], lr: float) -> None:
-        self.parts = list(parts)
+    def __init__(self, parts: Sequence[Part], lr: float, *, max_grad_norm: float | None = None) -> None:
+        self.parts, self.max_grad_norm = list(parts), max_grad_norm
         self.flat = [_flatten(part.parameters) for part in self.parts]
         super().__init__([{"params": [flat]} for flat in self.flat], lr=lr, fused=True)
 
@@ -35,13 +37,25 @@ class PartAdam(torch.optim.Adam):
             flat.grad.zero_()  # type: ignore[union-attr] - set by _flatten and never removed
 
     def step(self, closure: None = None) -> None:  # type: ignore[override]
-        """One update of every part that is not frozen."""
+        """Clip the gradients, then update every part that is not frozen."""
+        if self.max_grad_norm is not None:
+            self._clip(self.max_grad_norm)
         base = [group["lr"] for group in self.param_groups]
         for group, part in zip(self.param_groups, self.parts, strict=True):
             group["lr"] *= part.lr_scale if part.parameters[0].requires_grad else 0.0
         super().step(closure)
         for group, lr in zip(self.param_groups, base, strict=True):
             group["lr"] = lr
+
+    def _clip(self, max_norm: float) -> None:
+        """As `torch.nn.utils.clip_grad_norm_`, a group at a time."""
+        for name in dict.fromkeys(part.clip_group for part in self.parts):
+            grads = [flat.grad for flat, part in zip(self.flat, self.parts, strict=True) if part.clip_group == name]
+            norms = [torch.linalg.vector_norm(grad) for grad in grads]  # type: ignore[arg-type] - set by _flatten
+            norm = norms[0] if len(norms) == 1 else torch.linalg.vector_norm(torch.stack(norms))
+            scale = (max_norm / (norm + 1e-6)).clamp(max=1.0)
+            for grad in grads:
+                grad.mul_(scale)  # type: ignore[union-attr]
 
 
 def _flatten(parameters: Sequence[nn.Parameter]) -> Tensor:

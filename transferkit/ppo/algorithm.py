@@ -60,7 +60,7 @@ class PPO(rsl_rl.algorithms.PPO):
         )
         self.noise = streams.torch("action noise", device)
         super().__init__(
-            cast("Any", Actor(policy, self.noise)),
+            cast("Any", Actor(policy, self.noise, entropy_bonus=config.entropy_coefficient > 0)),
             cast("Any", critic),
             storage,
             num_learning_epochs=config.epochs,
@@ -70,7 +70,6 @@ class PPO(rsl_rl.algorithms.PPO):
             value_loss_coef=config.value_coefficient,
             entropy_coef=config.entropy_coefficient,
             learning_rate=config.learning_rate,
-            max_grad_norm=config.max_grad_norm or float("inf"),
             use_clipped_value_loss=False,
             schedule=config.schedule,
             desired_kl=config.desired_kl,
@@ -79,9 +78,10 @@ class PPO(rsl_rl.algorithms.PPO):
         )
         self.config = config
         groups = policy.parameter_groups()
-        parts = [Part(group.parameters, group.lr_scale) for group in groups]
-        self.optimizer = PartAdam([*parts, Part(list(self.critic.parameters()))], config.learning_rate)
-        self.actor.flat, self.critic.flat = self.optimizer.flat[:-1], self.optimizer.flat[-1:]
+        parts = [Part(group.parameters, group.lr_scale, "actor") for group in groups]
+        parts.append(Part(list(critic.parameters()), 1.0, "critic"))
+        self.optimizer = PartAdam(parts, config.learning_rate, max_grad_norm=config.max_grad_norm)
+        self.actor.clipped_by_optimizer = self.critic.clipped_by_optimizer = True
         self.returns = RunningMeanStd(shape=())
         self._running_return = np.zeros(config.num_envs)
 

@@ -15,18 +15,16 @@ from transferkit.ppo.storage import Minibatch
 
 
 class Model(nn.Module):
-    """What actor and critic have in common: no recurrence, and gradients that are clipped through flat buffers."""
+    """What actor and critic have in common."""
 
     is_recurrent = False
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.flat: list[Tensor] = []
-        """The optimiser's flat buffers, in place of the parameters that are views of them."""
+    clipped_by_optimizer = False
+    """Set once `PartAdam` clips; rsl_rl, which clips what `parameters` gives it tensor by tensor, then gets nothing."""
 
     def parameters(self, recurse: bool = True) -> Iterator[nn.Parameter]:  # noqa: FBT001, FBT002 - torch's signature
-        """Asked for once a gradient step, by rsl_rl's clipping."""
-        return iter(self.flat) if self.flat else super().parameters(recurse)  # type: ignore[return-value]
+        """The parameters, or none where rsl_rl must not clip them again."""
+        return iter(()) if self.clipped_by_optimizer else super().parameters(recurse)
 
     def reset(self, dones: Tensor | None = None, hidden_state: None = None) -> None:
         """No recurrent state."""
@@ -38,9 +36,10 @@ class Model(nn.Module):
 class Actor(Model):
     """A `Policy` as rsl_rl's actor: the distribution of the last forward pass, sampled from a generator of its own."""
 
-    def __init__(self, policy: Policy, noise: torch.Generator) -> None:
+    def __init__(self, policy: Policy, noise: torch.Generator, *, entropy_bonus: bool) -> None:
         super().__init__()
         self.policy = policy
+        self._entropy_bonus = entropy_bonus
         self.noise = noise
         self.output_distribution_params: tuple[Tensor, Tensor]
 
@@ -54,7 +53,8 @@ class Actor(Model):
     @property
     def output_entropy(self) -> Tensor:
         """Entropy of the last forward pass, `(B,)`."""
-        return gaussian.entropy(self.output_distribution_params[1])
+        log_std = self.output_distribution_params[1]
+        return gaussian.entropy(log_std if self._entropy_bonus else log_std.detach())  # without a bonus, only for the log
 
     def get_output_log_prob(self, outputs: Tensor) -> Tensor:
         """Log-density of actions under the last forward pass, `(B,)`."""
