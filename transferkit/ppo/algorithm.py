@@ -89,13 +89,16 @@ class PPO(rsl_rl.algorithms.PPO):
         """Record one step of all environments."""
         reward = torch.from_numpy(self._scale(step)).to(self.device)
         if self.config.bootstrap_timeouts and step.truncated.any():
-            final_value = self.critic(torch.from_numpy(step.final_observation).to(self.device)).squeeze(-1)
+            final_value = self.critic.value(torch.from_numpy(step.final_observation).to(self.device)).squeeze(-1)
             reward += self.gamma * final_value * torch.from_numpy(step.truncated).to(self.device)
         self.process_env_step(cast("Any", None), reward, torch.from_numpy(step.done).to(self.device), {})
 
+    @torch.no_grad()
     def compute_returns(self, obs: Tensor) -> None:  # type: ignore[override]
         """Advantages by GAE, and the value targets; `obs` are the observations after the last step."""
         self.storage.close()
+        self.critic.deferred = False
+        self.storage.values.copy_(self.critic.value(self.storage.observations))
         super().compute_returns(cast("Any", obs))
         if self.config.value_target == "monte-carlo":
             following = torch.zeros_like(self.storage.rewards[0])

@@ -72,6 +72,9 @@ class Actor(Model):
 class Critic(Model):
     """State values `(B, 1)` from raw observations, through the normaliser of the policy."""
 
+    deferred = False
+    """While a rollout is collected rsl_rl asks for every step's value; `PPO.compute_returns` fills them in at once."""
+
     def __init__(
         self,
         obs_dim: int,
@@ -89,8 +92,12 @@ class Critic(Model):
         self._normalizer = [normalizer or nn.Identity()]
 
     def forward(self, obs: Tensor | Minibatch, **_: Any) -> Tensor:  # noqa: ANN401 - rsl_rl passes masks and states
-        """Values."""
-        return self.head(self.body(self._normalizer[0](_tensor(obs))))
+        """Values; zeros while they are deferred."""
+        return obs.new_zeros(len(obs), 1) if self.deferred and isinstance(obs, Tensor) else self.value(_tensor(obs))
+
+    def value(self, observation: Tensor) -> Tensor:
+        """Values, `(B, 1)`."""
+        return self.head(self.body(self._normalizer[0](observation)))
 
     def update_normalization(self, obs: Tensor) -> None:
         """The policy updates the statistics that both use."""
