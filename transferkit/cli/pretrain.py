@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Annotated
 
 import tyro
 
+from transferkit.cli.flags import parse, preset_from
 from transferkit.cli.output import print_json
-from transferkit.cli.train import preset_from
 from transferkit.cli.zoo import summary
 from transferkit.config import TrainConfig
 from transferkit.pretrain import Recipe, pretrain
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str]) -> None:
         recipe: Annotated[Recipe, tyro.conf.arg(name="")],
         config: Annotated[TrainConfig, tyro.conf.arg(name="")] = default,
         json: bool = False,
-    ) -> None:
+    ) -> Callable[[], None]:
         """Train the members of a core, check each against the threshold, and write the artifact.
 
         An interrupted call goes on where it stopped.
@@ -32,10 +33,14 @@ def main(arguments: Sequence[str]) -> None:
             config: the training of each member.
             json: print one JSON object and nothing else on stdout.
         """
-        line = summary(pretrain(recipe, config))
-        if json:
-            print_json(line)
-        else:
-            print(f"{recipe.zoo / recipe.id}: score {line['score_mean']:.1f}, {line['members']} members")
+        return partial(_pretrain, recipe, config, json=json)
 
-    tyro.cli(command, prog="transferkit pretrain", args=list(arguments))
+    parse(command, "transferkit pretrain", arguments)()
+
+
+def _pretrain(recipe: Recipe, config: TrainConfig, *, json: bool) -> None:
+    line = summary(pretrain(recipe, config))
+    if json:
+        print_json(line)
+    else:
+        print(f"{recipe.zoo / recipe.id}: score {line['score_mean']:.1f}, {line['members']} members")
