@@ -12,8 +12,9 @@ import tyro
 from transferkit.config import PPO_PRESETS, TrainConfig, preset
 from transferkit.errors import ConfigError
 
-FRAME = "│"
-RULE = "─" * 10
+FRAMES = "│|"
+RULES = ("─" * 10, "-" * 10)
+"""tyro draws its boxes in ASCII where the terminal cannot do better."""
 
 
 def parse(command: Callable[..., Callable[[], None]], program: str, arguments: Sequence[str]) -> Callable[[], None]:
@@ -36,10 +37,10 @@ def _first_message(box: str) -> str:
     """The text of tyro's box up to its first rule."""
     lines = []
     for line in box.splitlines():
-        text = line.strip(f"{FRAME} ")
-        if not line.startswith(FRAME):
+        text = line.strip(f"{FRAMES} ")
+        if not line.startswith(tuple(FRAMES)):
             continue
-        if text.startswith(RULE) or text.startswith("Got errors"):
+        if text.startswith((*RULES, "Got errors")):
             break
         lines.append(text)
     return " ".join(" ".join(lines).split())
