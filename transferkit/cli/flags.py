@@ -12,9 +12,9 @@ import tyro
 from transferkit.config import PPO_PRESETS, TrainConfig, preset
 from transferkit.errors import ConfigError
 
-FRAMES = "│|"
+FRAME = "│|╭╮╰╯ "
 RULES = ("─" * 10, "-" * 10)
-"""tyro draws its boxes in ASCII where the terminal cannot do better."""
+"""tyro draws its boxes without a frame, in ASCII, where the terminal cannot do better."""
 
 
 def parse(command: Callable[..., Callable[[], None]], program: str, arguments: Sequence[str]) -> Callable[[], None]:
@@ -34,16 +34,15 @@ def parse(command: Callable[..., Callable[[], None]], program: str, arguments: S
 
 
 def _first_message(box: str) -> str:
-    """The text of tyro's box up to its first rule."""
-    lines = []
-    for line in box.splitlines():
-        text = line.strip(f"{FRAMES} ")
-        if not line.startswith(tuple(FRAMES)):
-            continue
-        if text.startswith((*RULES, "Got errors")):
+    """The text of tyro's box between its title and its next rule."""
+    words: list[str] = []
+    for line in box.splitlines()[1:]:
+        text = line.strip(FRAME)
+        if words and text.startswith((*RULES, "Got errors")):
             break
-        lines.append(text)
-    return " ".join(" ".join(lines).split())
+        if not text.startswith(RULES):
+            words += text.split()
+    return " ".join(words)
 
 
 def preset_from(arguments: Sequence[str]) -> TrainConfig:
