@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from transferkit import load_core
 from transferkit.config import TrainConfig
 from transferkit.errors import Interrupted, NotFiniteError, RunDirectoryError
 from transferkit.evaluation import ZeroPolicy, evaluate
@@ -165,6 +166,17 @@ def test_nan_in_a_loss_stops_and_keeps_the_last_good_checkpoint(tmp_path):
             run_training(config, out=tmp_path / "run", report=report)
     state = load_state(tmp_path / "run/checkpoint.safetensors")
     assert state["session"]["spent"][1] == 128
+
+
+@pytest.mark.parametrize(("frozen_share", "moves"), [(1.0, False), (0.5, True), (0.0, True)])
+def test_a_frozen_core_stays_and_an_unfrozen_one_learns(tmp_path, frozen_share, moves):
+    wrap = replace(SMALL.wrap, freeze={"core": frozen_share})
+    run_training(small(core="inverted-pendulum-v1", wrap=wrap), out=tmp_path / "run")
+    trained = load_policy(tmp_path / "run").state_dict()
+    before = load_core("inverted-pendulum-v1").network(0).state_dict()
+    names = ("body.0.weight", "body.2.weight")
+    assert [not torch.equal(trained[f"core.{name}"], before[name]) for name in names] == [moves] * 2
+    assert trained["output_adapter.weight"].abs().sum() > 0
 
 
 def test_evaluation_episodes_depend_on_their_number_alone():

@@ -75,8 +75,6 @@ class Policy(nn.Module):
         for group in self.parameter_groups():
             for parameter in group.parameters:
                 parameter.requires_grad_(progress >= group.frozen_share)
-                if progress < group.frozen_share:
-                    parameter.grad = None
 
     def update_normalizer(self, observation: Tensor) -> None:
         """Add observations `(N, obs_dim)` to the statistics."""
