@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import torch
@@ -34,11 +35,12 @@ ROLLOUTS, ROUNDS, STARTS = 3, 5, 7
 
 def ours() -> float:
     """Environment steps per second of transferkit's PPO."""
-    config = PPOConfig(num_envs=NUM_ENVS, rollout_steps=ROLLOUT, epochs=EPOCHS, batch_size=BATCH, hidden=HIDDEN)
+    sizes = PPOConfig(num_envs=NUM_ENVS, rollout_steps=ROLLOUT, epochs=EPOCHS, batch_size=BATCH, hidden=HIDDEN)
+    config = replace(sizes, normalize_observation=False, normalize_reward=False)  # as the peer's PPO
     streams = Streams(0)
     envs = VectorEnv([make_env(ENV) for _ in range(NUM_ENVS)], lambda i, k: streams.integer("environment", i, k))
     dims = envs.envs[0].observation_space.shape[0], envs.envs[0].action_space.shape[0]
-    policy = ScratchPolicy.create(Architecture(*dims, HIDDEN), streams.torch("policy"), init_std=1.0, normalize=True)
+    policy = ScratchPolicy.create(Architecture(*dims, HIDDEN), streams.torch("policy"), init_std=1.0, normalize=False)
     with tempfile.TemporaryDirectory() as folder:
         directory = RunDirectory.create(Path(folder) / "run", {})
         session = Session(directory, Budget(steps=ROLLOUTS * ROLLOUT), NUM_ENVS, evaluate=dict, checkpoint_seconds=1e9)
