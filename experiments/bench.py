@@ -30,7 +30,7 @@ from transferkit.run import RunDirectory, Streams
 from transferkit.run.session import Session
 
 ENV, NUM_ENVS, ROLLOUT, EPOCHS, BATCH, HIDDEN = "Hopper-v5", 8, 2048, 10, 64, (128, 128)
-ROLLOUTS, ROUNDS, STARTS = 3, 5, 7
+ROLLOUTS, ROUNDS, STARTS = 2, 15, 7
 
 
 def ours() -> float:

@@ -16,6 +16,7 @@ from torch import Tensor
 
 from transferkit.config import PPOConfig
 from transferkit.envs.vector import Step
+from transferkit.nn import gaussian
 from transferkit.nn.optimizer import Part, PartAdam
 from transferkit.policy.base import Policy
 from transferkit.ppo.model import Actor, Critic
@@ -80,10 +81,14 @@ class PPO(rsl_rl.algorithms.PPO):
         groups = policy.parameter_groups()
         parts = [Part(group.parameters, group.lr_scale, "actor") for group in groups]
         parts.append(Part(list(critic.parameters()), 1.0, "critic"))
-        self.optimizer = PartAdam(parts, config.learning_rate, max_grad_norm=config.max_grad_norm)
+        self.optimizer = cast("Any", PartAdam(parts, config.learning_rate, max_grad_norm=config.max_grad_norm))
         self.actor.clipped_by_optimizer = self.critic.clipped_by_optimizer = True
         self.returns = RunningMeanStd(shape=())
         self._running_return = np.zeros(config.num_envs)
+
+    def set_collecting(self, *, now: bool) -> None:
+        """Whether steps are collected or learnt from."""
+        self.actor.collecting = self.critic.collecting = now
 
     def process_step(self, step: Step) -> None:
         """Record one step of all environments."""
@@ -96,9 +101,12 @@ class PPO(rsl_rl.algorithms.PPO):
     @torch.no_grad()
     def compute_returns(self, obs: Tensor) -> None:  # type: ignore[override]
         """Advantages by GAE, and the value targets; `obs` are the observations after the last step."""
-        self.storage.close()
-        self.critic.deferred = False
-        self.storage.values.copy_(self.critic.value(self.storage.observations))
+        storage = self.storage
+        storage.close()
+        self.set_collecting(now=False)
+        mean, log_std = cast("tuple[Tensor, Tensor]", storage.distribution_params)
+        storage.values.copy_(self.critic.value(storage.observations))
+        storage.actions_log_prob.copy_(gaussian.log_prob(mean, log_std, storage.actions).unsqueeze(-1))
         super().compute_returns(cast("Any", obs))
         if self.config.value_target == "monte-carlo":
             following = torch.zeros_like(self.storage.rewards[0])

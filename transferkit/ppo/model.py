@@ -22,6 +22,9 @@ class Model(nn.Module):
     clipped_by_optimizer = False
     """Set once `PartAdam` clips; rsl_rl, which clips what `parameters` gives it tensor by tensor, then gets nothing."""
 
+    collecting = False
+    """While a rollout is collected rsl_rl asks for what `PPO.compute_returns` fills in at once; zeros until then."""
+
     def parameters(self, recurse: bool = True) -> Iterator[nn.Parameter]:  # noqa: FBT001, FBT002 - torch's signature
         """The parameters, or none where rsl_rl must not clip them again."""
         return iter(()) if self.clipped_by_optimizer else super().parameters(recurse)
@@ -58,6 +61,8 @@ class Actor(Model):
 
     def get_output_log_prob(self, outputs: Tensor) -> Tensor:
         """Log-density of actions under the last forward pass, `(B,)`."""
+        if self.collecting:
+            return outputs.new_zeros(len(outputs))
         return gaussian.log_prob(*self.output_distribution_params, outputs)
 
     def get_kl_divergence(self, old_params: tuple[Tensor, Tensor], new_params: tuple[Tensor, Tensor]) -> Tensor:
@@ -71,9 +76,6 @@ class Actor(Model):
 
 class Critic(Model):
     """State values `(B, 1)` from raw observations, through the normaliser of the policy."""
-
-    deferred = False
-    """While a rollout is collected rsl_rl asks for every step's value; `PPO.compute_returns` fills them in at once."""
 
     def __init__(
         self,
@@ -92,8 +94,8 @@ class Critic(Model):
         self._normalizer = [normalizer or nn.Identity()]
 
     def forward(self, obs: Tensor | Minibatch, **_: Any) -> Tensor:  # noqa: ANN401 - rsl_rl passes masks and states
-        """Values; zeros while they are deferred."""
-        return obs.new_zeros(len(obs), 1) if self.deferred and isinstance(obs, Tensor) else self.value(_tensor(obs))
+        """Values, `(B, 1)`."""
+        return obs.new_zeros(len(obs), 1) if self.collecting and isinstance(obs, Tensor) else self.value(_tensor(obs))
 
     def value(self, observation: Tensor) -> Tensor:
         """Values, `(B, 1)`."""

@@ -54,7 +54,7 @@ def collect(
 ) -> NDArray[np.float32]:
     """Fill the storage with one rollout, shorter where the budget ends; returns the observations `(num_envs, obs_dim)`."""
     device = algorithm.device
-    algorithm.critic.deferred = True
+    algorithm.set_collecting(now=True)
     for _ in range(algorithm.storage.num_transitions_per_env):
         action = algorithm.act(cast("Any", _tensor(observation, device)))
         step = envs.step(action.cpu().numpy(), session.count)
