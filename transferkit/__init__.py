@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from transferkit.budget import Budget as Budget
+    from transferkit.config import DynaConfig as DynaConfig
     from transferkit.config import PPOConfig as PPOConfig
     from transferkit.config import TrainConfig as TrainConfig
     from transferkit.config import WrapConfig as WrapConfig
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Budget": "transferkit.budget",
+    "DynaConfig": "transferkit.config",
     "PPOConfig": "transferkit.config",
     "TrainConfig": "transferkit.config",
     "TransferkitError": "transferkit.errors",

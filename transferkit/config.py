@@ -8,7 +8,7 @@ from typing import Literal
 
 from transferkit.errors import ConfigError
 
-Algorithm = Literal["ppo"]
+Algorithm = Literal["ppo", "dyna-ddpg"]
 Preset = Literal["default", "paper"]
 
 
@@ -104,6 +104,151 @@ PPO_PRESETS: dict[Preset, PPOConfig] = {
 
 
 @dataclass(frozen=True)
+class DynaConfig:
+    """DYNA-DDPG: deterministic policy gradient (Lillicrap et al. 2016) with a learnt model (Sutton 1990)."""
+
+    hidden: tuple[int, ...] = (128, 128)
+    """Hidden layers of the policy that is trained from scratch, and of the critics."""
+    activation: Literal["tanh", "relu", "elu"] = "relu"
+    """Activation of all networks."""
+    layer_norm: bool = True
+    """Normalise the layers of critics and model (Hiraoka et al. 2022: what makes many updates a step stable)."""
+    critics: int = 2
+    """Critics whose least value is the target (Fujimoto et al. 2018)."""
+    actor_learning_rate: float = 3e-4
+    """Adam step size; parts of a wrapped policy scale it."""
+    critic_learning_rate: float = 3e-4
+    """Adam step size of the critics."""
+    gamma: float = 0.99
+    """Discount per step."""
+    tau: float = 0.1
+    """Share of the networks that the target networks take over after each environment step: 20 updates of 0.005 (Lillicrap
+    et al. 2016) in one, so that the targets of a step are computed at once."""
+    batch_size: int = 128
+    """Transitions per update."""
+    updates_per_step: int = 20
+    """Critic updates per environment step (Chen et al. 2021)."""
+    actor_every: int = 2
+    """Critic updates per actor update (Fujimoto et al. 2018)."""
+    exploration_noise: float = 0.1
+    """Standard deviation added to actions, of a range of [-1, 1]."""
+    noise_correlation: float = 0.0
+    """Of that noise from one step to the next; 0 is white."""
+    target_noise: float = 0.0
+    """Standard deviation added to the target's action (Fujimoto et al. 2018 use 0.2)."""
+    target_noise_clip: float = 0.5
+    """Limit of that noise."""
+    random_steps: int = 100
+    """First steps, of uniform actions."""
+    learning_starts: int = 0
+    """First steps without updates; in any case until a batch is there."""
+    overrun_steps: int = 0
+    """First steps in which an ended episode goes on (the paper's code)."""
+    buffer_size: int = 1_000_000
+    """Transitions remembered."""
+    reward_scale: float = 0.1
+    """Rewards are multiplied by it in the critics."""
+    normalize_observation: bool = True
+    """Running mean and variance inside the policy."""
+    initialization: Literal["orthogonal", "uniform"] = "orthogonal"
+    """Of the policy's layers; `uniform` is `nn.Linear`'s own (the paper)."""
+    wrap_critic: bool = True
+    """Wrap the core's critic, where it has one; False starts with new critics."""
+    wrap_dynamics: bool = True
+    """Wrap the core's model, where it has one; False starts with a new model."""
+    model_share: float = 0.05
+    """Share of all transitions learnt from that are imagined; 0 trains no model."""
+    mix_batches: bool = True
+    """Mix real and imagined transitions, or put the imagined ones into the last batches of a step (the paper)."""
+    horizon: int = 1
+    """Steps of an imagined rollout (Janner et al. 2019)."""
+    keep_share: float = 0.8
+    """Share of the imagined transitions that is kept: those on which the members agree best."""
+    planned_action: Literal["policy", "replayed"] = "policy"
+    """Imagine what the current policy does, or what was done (the paper)."""
+    planned_reward: Literal["learned", "minus-norm"] = "learned"
+    """The model's reward, or minus the norm of the next observation (the paper)."""
+    planned_termination: bool = True
+    """Imagined episodes can end; the paper's cannot."""
+    model_members: int = 5
+    """Networks of the ensemble (Chua et al. 2018)."""
+    model_hidden: tuple[int, ...] = (128, 128)
+    """Hidden layers of each."""
+    model_learning_rate: float = 1e-3
+    """Adam step size of the model."""
+    model_every: int = 250
+    """Environment steps between fits of the model (Janner et al. 2019)."""
+    model_updates: int = 250
+    """At most so many batches a fit."""
+    model_batch_size: int = 256
+    """Transitions per batch and member."""
+    model_loss: Literal["likelihood", "squared-error"] = "likelihood"
+    """Gaussian with learnt variance, reward and termination; or the next observation alone (the paper)."""
+    predict: Literal["change", "state"] = "change"
+    """What the model predicts of the next observation."""
+    normalize_targets: bool = True
+    """Predict in units of the targets' own deviations."""
+
+    def __post_init__(self) -> None:
+        for name in (
+            "critics",
+            "batch_size",
+            "updates_per_step",
+            "actor_every",
+            "horizon",
+            "model_members",
+            "model_every",
+            "model_updates",
+            "model_batch_size",
+            "buffer_size",
+        ):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name}={getattr(self, name)} must be at least 1; pass --dyna.{name.replace('_', '-')}")
+        for name in ("actor_learning_rate", "critic_learning_rate", "model_learning_rate", "tau", "keep_share"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ConfigError(
+                    f"{name}={getattr(self, name)} must lie between 0 and 1; pass --dyna.{name.replace('_', '-')}"
+                )
+        if not 0 <= self.model_share <= 1:
+            raise ConfigError(f"model_share={self.model_share} must lie between 0 and 1; pass --dyna.model-share")
+
+
+DYNA_PRESETS: dict[Preset, DynaConfig] = {
+    "default": DynaConfig(),
+    "paper": DynaConfig(
+        hidden=(256, 256),
+        layer_norm=False,
+        critics=1,
+        critic_learning_rate=1e-3,
+        updates_per_step=11,
+        actor_every=11,
+        tau=0.005,
+        exploration_noise=0.0,
+        random_steps=0,
+        overrun_steps=128,
+        reward_scale=1.0,
+        normalize_observation=False,
+        initialization="uniform",
+        model_share=10 / 11,
+        mix_batches=False,
+        keep_share=1.0,
+        planned_action="replayed",
+        planned_reward="minus-norm",
+        planned_termination=False,
+        model_members=1,
+        model_hidden=(256, 256),
+        model_every=1,
+        model_updates=1,
+        model_batch_size=128,
+        model_loss="squared-error",
+        predict="state",
+        normalize_targets=False,
+    ),
+}
+"""`paper` follows its DYNA-DDPG code (docs: departures from the paper)."""
+
+
+@dataclass(frozen=True)
 class WrapConfig:
     """How a core is built into the policy of another environment."""
 
@@ -115,6 +260,8 @@ class WrapConfig:
     """Fill the adapters from what the numbers mean, or at random; auto is semantic where anything matches."""
     finetune: bool = True
     """Square residual layers beside the core, the identity until trained."""
+    squash: bool = False
+    """Bound the mean action by tanh; dyna-ddpg always does."""
     residual: int = 0
     """Width of a side network from the observation straight to the action, zero at the start; 0 for none."""
     freeze: Mapping[str, float] = field(default_factory=dict)
@@ -172,7 +319,9 @@ class TrainConfig:
     device: str = "cpu"
     """Torch device of the networks, `cpu` or `cuda`."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
-    """The trainer's own settings."""
+    """PPO's settings."""
+    dyna: DynaConfig = field(default_factory=DynaConfig)
+    """DYNA-DDPG's settings."""
     wrap: WrapConfig = field(default_factory=WrapConfig)
     """The sandwich's settings."""
 
@@ -183,4 +332,4 @@ class TrainConfig:
 
 def preset(config: TrainConfig, name: Preset) -> TrainConfig:
     """The configuration with every setting of its trainer and its sandwich as the preset has them."""
-    return replace(config, preset=name, ppo=PPO_PRESETS[name], wrap=WRAP_PRESETS[name])
+    return replace(config, preset=name, ppo=PPO_PRESETS[name], dyna=DYNA_PRESETS[name], wrap=WRAP_PRESETS[name])

@@ -27,6 +27,10 @@ class NotFiniteError(TransferkitError):
     """NaN or infinity from an environment or in a loss."""
 
 
+class DivergedError(TransferkitError):
+    """A training whose values grew beyond what the rewards allow."""
+
+
 class ArtifactError(TransferkitError):
     """A core artifact that is damaged, tampered with, too new, or below its threshold."""
 

@@ -19,12 +19,13 @@ from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError
 from transferkit.evaluation import evaluate
+from transferkit.nn import EnsembleArchitecture
 from transferkit.policy import ScratchPolicy
 from transferkit.policy.core import Core
 from transferkit.run.session import Report
-from transferkit.transfer import RUNS, Result, load_policy, run_training
+from transferkit.transfer import RUNS, Result, load_parts, load_policy, run_training
 from transferkit.versions import command, versions
-from transferkit.zoo.artifact import normalizer_part, policy_part, save_core
+from transferkit.zoo.artifact import ensemble_part, normalizer_part, policy_part, save_core
 from transferkit.zoo.card import Card, Score
 
 SCORE_SEED = 1
@@ -83,7 +84,7 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
         for policy in policies
     ]
     score = _score(recipe, returns)
-    core = _core(recipe, config, policies)
+    core = _core(recipe, config, policies, [load_parts(result.run_dir) for result in results])
     return save_core(core, _card(recipe, config, core, results, score), folder)
 
 
@@ -124,16 +125,26 @@ def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
     return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
 
 
-def _core(recipe: Recipe, config: TrainConfig, policies: Sequence[ScratchPolicy]) -> Core:
+def _core(
+    recipe: Recipe,
+    config: TrainConfig,
+    policies: Sequence[ScratchPolicy],
+    beside: Sequence[dict[str, tuple[EnsembleArchitecture, dict[str, torch.Tensor]]]],
+) -> Core:
     stacked = {"policy": _stack([policy.network.state_dict() for policy in policies])}
     statistics = [policy.normalizer.state_dict() for policy in policies if policy.normalizer is not None]
     if statistics:
         stacked["normalizer"] = _stack(statistics)
-    return Core(recipe.id, derive_spec(config.env), policies[0].network.architecture, recipe.seeds, stacked)
+    ensembles = {name: architecture for name, (architecture, _) in beside[0].items()}
+    for name in ensembles:
+        stacked[name] = _stack([parts[name][1] for parts in beside])
+    architecture = policies[0].network.architecture
+    return Core(recipe.id, derive_spec(config.env), architecture, recipe.seeds, stacked, ensembles=ensembles)
 
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
     parts = {"policy": policy_part(core.architecture)}
+    parts |= {name: ensemble_part(name, architecture) for name, architecture in core.ensembles.items()}
     if "normalizer" in core.parts:
         parts["normalizer"] = normalizer_part(core.spec.obs_dim)
     return Card(

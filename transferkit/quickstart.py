@@ -7,16 +7,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from transferkit import stats
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec
 from transferkit.evaluation import Evaluation, RandomPolicy, ZeroPolicy, evaluate
+from transferkit.pictures import draw_learning_curves
 from transferkit.policy import wrap
 from transferkit.policy.core import Core
-from transferkit.run.directory import read_table
 from transferkit.run.session import Report
 from transferkit.transfer import Result, run_training
 from transferkit.zoo.artifact import load_core
@@ -24,9 +22,6 @@ from transferkit.zoo.artifact import load_core
 CORE, TWIN, TARGET = "inverted-pendulum-v1", "dm_control/cartpole-balance-v0", "InvertedDoublePendulum-v5"
 EPISODES = 200
 """Budget on the target; the paper's."""
-
-WINDOW = 20
-"""Episodes of the running mean in the picture."""
 
 TWIN_EPISODES = 2
 """Evaluation episodes per member on the twin; 1000 steps each."""
@@ -69,35 +64,9 @@ def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManag
             runs.append(run_training(config, out=out / (core_id or "scratch"), resume=True, report=report))
     nothing = _summary("zero action", [evaluate(ZeroPolicy(1), TARGET, seed=0)])
     picture = out / "learning_curves.png"
-    draw_learning_curves(runs, nothing.mean, picture)
+    curves = {run.core or "scratch": Path(run.run_dir) for run in runs}
+    draw_learning_curves(curves, f"{TARGET}, one seed", picture, zero_action=nothing.mean)
     return Outcome(twin, tuple(runs), nothing, str(picture))
-
-
-def draw_learning_curves(runs: Sequence[Result], zero_action: float, path: Path) -> None:
-    """Training returns of runs over episodes and over environment steps, each episode and a running mean."""
-    import matplotlib  # noqa: PLC0415 - half a second
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot  # noqa: PLC0415
-
-    figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
-    for run, colour in zip(runs, ("#0072B2", "#D55E00"), strict=False):  # Okabe and Ito's colour-blind safe palette
-        rows = read_table(Path(run.run_dir), "episodes")
-        returns = np.array([row["return"] for row in rows])
-        window = np.ones(min(WINDOW, len(returns)))
-        mean = np.convolve(returns, window) / np.convolve(np.ones(len(returns)), window)
-        for axis, x in zip(axes, ("episode", "steps"), strict=True):
-            xs = [row[x] for row in rows]
-            axis.plot(xs, returns, ".", color=colour, alpha=0.25, markersize=4)
-            axis.plot(xs, mean[: len(returns)], color=colour, label=run.core or "scratch")
-            axis.axhline(zero_action, color="grey", linestyle=":")
-            axis.set_xlabel("environment steps" if x == "steps" else "training episodes")
-    axes[0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
-    axes[0].set_title(f"{runs[0].env}, one seed")
-    axes[1].set_title("dotted: zero action")
-    axes[0].legend()
-    figure.savefig(path, dpi=110)
-    pyplot.close(figure)
 
 
 def zero_shot(core: Core, env: str, *, episodes: int, seed: int = 0) -> tuple[ZeroShot, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,13 +11,14 @@ import gymnasium
 import torch
 
 from transferkit.budget import Budget
-from transferkit.config import PPOConfig, Preset, TrainConfig, preset
-from transferkit.envs import VectorEnv, make_env
+from transferkit.config import Algorithm, DynaConfig, PPOConfig, Preset, TrainConfig, preset
+from transferkit.envs import VectorEnv, derive_spec, make_env
 from transferkit.errors import ConfigError, RunDirectoryError
 from transferkit.evaluation import Evaluation, evaluate
-from transferkit.nn import Architecture
+from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture
 from transferkit.policy import Policy, ScratchPolicy, build, wrap
 from transferkit.policy.core import Core
+from transferkit.policy.parts import make_critic, make_dynamics
 from transferkit.run.directory import POLICY, RECORD, RunDirectory, read_json
 from transferkit.run.files import load_state
 from transferkit.run.session import Report, Session
@@ -79,8 +80,9 @@ def train(
     env: str | MakeEnv,
     budget: Budget,
     *,
+    algo: Algorithm = "ppo",
     preset_name: Preset = "default",
-    config: PPOConfig | None = None,
+    config: PPOConfig | DynaConfig | None = None,
     seed: int = 0,
     out: str | Path | None = None,
     resume: bool = False,
@@ -89,12 +91,13 @@ def train(
     eval_every: int = 0,
     report: Report | None = None,
 ) -> Result:
-    """Train a policy in place with PPO, evaluate it, and keep everything in a run directory.
+    """Train a policy in place, evaluate it, and keep everything in a run directory.
 
     Args:
         policy: from `wrap`, or a `ScratchPolicy`.
         env: an id, or a function that makes one environment.
         budget: episodes, steps or seconds; the first one reached ends training.
+        algo: the trainer; `dyna-ddpg` needs a policy made with `squash=True`.
         preset_name: which trainer settings to use.
         config: trainer settings in place of the preset's.
         seed: of every random stream of training.
@@ -108,8 +111,13 @@ def train(
     Raises:
         TransferkitError: any of its kinds; see `transferkit.errors`.
     """
-    full = preset(TrainConfig(env if isinstance(env, str) else _factory_name(env), seed=seed, device=device), preset_name)
-    full = replace(full, **asdict(budget), eval_episodes=eval_episodes, eval_every=eval_every, ppo=config or full.ppo)
+    name = env if isinstance(env, str) else _factory_name(env)
+    full = preset(TrainConfig(name, algo=algo, seed=seed, device=device), preset_name)
+    full = replace(full, **asdict(budget), eval_episodes=eval_episodes, eval_every=eval_every)
+    if config is not None:
+        if isinstance(config, PPOConfig) != (algo == "ppo"):
+            raise ConfigError(f"config is a {type(config).__name__}, which algo='{algo}' does not take; pass algo= to match")
+        full = replace(full, **{"ppo" if isinstance(config, PPOConfig) else "dyna": config})
     make = lambda: make_env(env if isinstance(env, str) else env(), clip_actions=full.ppo.clip_actions)  # noqa: E731
     where = None if out is None else Path(out)
     return _execute(lambda: policy, make, budget, full, None, where, resume=resume, report=report)
@@ -132,6 +140,12 @@ def load_policy(run_dir: str | Path) -> Policy:
         reason = " ".join(str(error).split())[:200]
         raise RunDirectoryError(f"{path} holds no policy of this version ({reason}); train again") from None
     return policy
+
+
+def load_parts(run_dir: str | Path) -> dict[str, tuple[EnsembleArchitecture, dict[str, torch.Tensor]]]:
+    """What a finished run trained from scratch beside its policy: `critic` and `dynamics`, or nothing."""
+    saved = load_state(Path(run_dir) / POLICY)["parts"]
+    return {name: (EnsembleArchitecture.from_json(part["architecture"]), part["weights"]) for name, part in saved.items()}
 
 
 def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
@@ -173,9 +187,11 @@ def _execute(
         if directory.result is not None:
             return Result(**directory.result)
         streams = Streams(config.seed)
+        trainer = _trainer(config, policy, make, streams)
         envs = VectorEnv(
-            [first, *(make() for _ in range(config.ppo.num_envs - 1))],
+            [first, *(make() for _ in range(trainer.num_envs - 1))],
             lambda i, k: streams.integer("environment", i, k),
+            overrun_steps=trainer.overrun_steps,
         )
         session = Session(
             directory,
@@ -188,18 +204,23 @@ def _execute(
         )
         if state is not None:
             session.restore(state["session"])
-        trainer = _trainer(config)
         with session.running():
-            trainer(policy, envs, config.ppo, session, streams, device, state and state["trainer"])
+            trainer.train(envs, session, streams, device, state and state["trainer"])
             scores = session.evaluate()
         envs.close()
         weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
-        directory.save_policy({"blueprint": policy.blueprint(), "weights": weights})
+        parts = {name: _part_state(part) for name, part in trainer.parts.items()}
+        directory.save_policy({"blueprint": policy.blueprint(), "weights": weights, "parts": parts})
         result = _result(config, core, session, scores, directory)
         directory.finish(asdict(result))
         return result
     finally:
         directory.close()
+
+
+def _part_state(part: Critic | Dynamics) -> dict[str, Any]:
+    architecture = part.ensemble.architecture.to_json() if isinstance(part.ensemble, Ensemble) else None
+    return {"architecture": architecture, "weights": {name: tensor.cpu() for name, tensor in part.state_dict().items()}}
 
 
 def _as_saved(policy: Policy) -> Policy:
@@ -212,10 +233,29 @@ def _as_saved(policy: Policy) -> Policy:
     return copy
 
 
-def _trainer(config: TrainConfig) -> Callable[..., None]:
-    from transferkit import ppo  # noqa: PLC0415 - rsl_rl takes seconds to import
+@dataclass(frozen=True)
+class _Trainer:
+    train: Callable[..., None]
+    num_envs: int = 1
+    overrun_steps: int = 0
+    parts: Mapping[str, Critic | Dynamics] = field(default_factory=dict)
+    """What is trained beside the policy."""
 
-    return {"ppo": ppo.train}[config.algo]
+
+def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Streams) -> _Trainer:
+    if config.algo == "ppo":
+        from transferkit import ppo  # noqa: PLC0415 - rsl_rl takes seconds to import
+
+        train = lambda envs, *rest: ppo.train(policy, envs, config.ppo, *rest)  # noqa: E731
+        return _Trainer(train, config.ppo.num_envs)
+    from transferkit import dyna  # noqa: PLC0415
+
+    if not policy.squash:
+        raise ConfigError("dyna-ddpg needs a policy with bounded actions; build it with wrap(core, env, squash=True)")
+    critic = make_critic(policy, config.dyna, streams.torch("critic initialisation"))
+    model = make_dynamics(policy, derive_spec(make()), config.dyna, streams.torch("model initialisation"))
+    train = lambda envs, *rest: dyna.train(policy, critic, model, envs, config.dyna, *rest)  # noqa: E731
+    return _Trainer(train, 1, config.dyna.overrun_steps, {"critic": critic, "dynamics": model})
 
 
 def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:
@@ -226,16 +266,22 @@ def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirect
 
 def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
     if core is not None:
-        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
+        options = replace(config.wrap, squash=config.wrap.squash or config.algo != "ppo")
+        return wrap(core, config.env, config=options, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
     env = make_env(config.env)
     assert env.observation_space.shape is not None
     assert env.action_space.shape is not None
     dims = env.observation_space.shape[0], env.action_space.shape[0]
     env.close()
-    ppo = config.ppo
     generator = Streams(config.seed).torch("policy initialisation")
-    architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
-    return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
+    ppo, dyna = config.ppo, config.dyna
+    if config.algo == "ppo":
+        architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
+        return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
+    architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=True)
+    return ScratchPolicy.create(
+        architecture, generator, init_std=dyna.exploration_noise or 1.0, normalize=dyna.normalize_observation
+    )
 
 
 def _check_dims(policy: Policy, env: gymnasium.Env, name: str) -> None:

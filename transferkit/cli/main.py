@@ -17,10 +17,11 @@ COMMANDS = {
     "envs": "the environments: list, show ENV",
     "train": "train a policy from scratch or around a core",
     "eval": "evaluate the final policy of a run",
+    "plot": "learning curve and model errors of a run",
     "pretrain": "train, check and write a core",
     "doctor": "check this installation and say what to mend",
 }
-USER_ERROR, INTERRUPTED = 2, 130
+USER_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -43,7 +44,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if name not in COMMANDS:
             raise UnknownNameError("command", name, COMMANDS, "transferkit --help")
-        return importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:]) or 0
+        code = importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:]) or 0
+        sys.stdout.flush()
+        return code
+    except BrokenPipeError:  # `| head` has read enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return BROKEN_PIPE
     except Interrupted as error:
         print(f"transferkit: {error}", file=sys.stderr)
         return INTERRUPTED

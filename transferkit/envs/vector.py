@@ -44,8 +44,14 @@ class Step:
 class VectorEnv:
     """Environments under `make_env`'s contract, stepped one after the other, reset in the step that ends an episode."""
 
-    def __init__(self, envs: Sequence[gymnasium.Env], episode_seed: Callable[[int, int], int]) -> None:
-        """Take the environments and `episode_seed(env_index, episode_index)`, the seed each episode starts from."""
+    def __init__(
+        self, envs: Sequence[gymnasium.Env], episode_seed: Callable[[int, int], int], *, overrun_steps: int = 0
+    ) -> None:
+        """Take the environments and `episode_seed(env_index, episode_index)`, the seed each episode starts from.
+
+        In its first `overrun_steps` the first episode of an environment goes on after its end, as in the paper's code.
+        """
+        self._overrun_steps = overrun_steps
         self.envs = list(envs)
         self.num_envs = len(self.envs)
         self._episode_seed = episode_seed
@@ -76,10 +82,11 @@ class VectorEnv:
                     f"{self._episode[i]}; check the environment or lower the learning rate"
                 )
             truncated = bool(truncated and not terminated)
-            done = bool(terminated) or truncated
+            held = self._episode[i] == 0 and len(self._actions[i]) < self._overrun_steps
+            done = (bool(terminated) or truncated) and not held
             following = self._start(i, self._episode[i] + 1) if done else observation
             rows.append((following, reward, bool(terminated), truncated, observation))
-            if count is not None and count(i, float(reward), bool(terminated), truncated):
+            if count is not None and count(i, float(reward), done and bool(terminated), done and truncated):
                 break
         following, reward, terminated, truncated, final = zip(*rows, strict=True)
         return Step(

@@ -20,16 +20,20 @@ class Normalizer(nn.Module):
     """`(dim,)`."""
     count: Tensor
     """Samples seen, scalar float64."""
+    _inverse_std: Tensor
 
     def __init__(self, dim: int) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(dim))
         self.register_buffer("var", torch.ones(dim))
         self.register_buffer("count", torch.zeros((), dtype=torch.float64))
+        self.register_buffer("_inverse_std", torch.ones(dim), persistent=False)
+        self.register_load_state_dict_post_hook(_refresh)
+        _refresh(self)
 
     def forward(self, x: Tensor) -> Tensor:
         """Normalised `x`, `(B, dim)`."""
-        return ((x - self.mean) * torch.rsqrt(self.var + EPSILON)).clamp(-CLIP, CLIP)
+        return (x - self.mean).mul_(self._inverse_std).clamp_(-CLIP, CLIP)
 
     @torch.no_grad()
     def update(self, x: Tensor) -> None:
@@ -43,3 +47,9 @@ class Normalizer(nn.Module):
         self.var.copy_((1 - share) * self.var + share * var + share * (1 - share) * delta**2)
         self.mean.add_(share * delta)
         self.count.copy_(total)
+        _refresh(self)
+
+
+def _refresh(normalizer: Normalizer, *_: object) -> None:
+    """Recompute what follows from the variance; also after the statistics are loaded."""
+    normalizer._inverse_std.copy_(torch.rsqrt(normalizer.var + EPSILON))  # noqa: SLF001 - its own module's

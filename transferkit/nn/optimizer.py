@@ -33,7 +33,7 @@ class PartAdam:
 
     def __init__(self, parts: Sequence[Part], lr: float, *, max_grad_norm: float | None = None) -> None:
         self.parts, self.max_grad_norm = list(parts), max_grad_norm
-        self.flat = [_flatten(part.parameters) for part in self.parts]
+        self.flat = [flatten(part.parameters) for part in self.parts]
         self.param_groups: list[dict[str, Any]] = [{"params": [flat], "lr": lr} for flat in self.flat]
         self._moments = [(torch.zeros_like(flat), torch.zeros_like(flat)) for flat in self.flat]
         self._steps = [torch.zeros((), device=flat.device) for flat in self.flat]
@@ -45,7 +45,7 @@ class PartAdam:
     def zero_grad(self) -> None:
         """Set every gradient to zero, in place: the parameters' gradients are views."""
         for flat in self.flat:
-            flat.grad.zero_()  # type: ignore[union-attr] - set by _flatten and never removed
+            flat.grad.zero_()  # type: ignore[union-attr] - set by flatten and never removed
 
     @torch.no_grad()
     def step(self) -> None:
@@ -102,7 +102,8 @@ class PartAdam:
         )
 
 
-def _flatten(parameters: Sequence[nn.Parameter]) -> Tensor:
+def flatten(parameters: Sequence[nn.Parameter]) -> Tensor:
+    """One flat tensor, of which the parameters, and of whose gradient their gradients, become views."""
     flat = torch.cat([parameter.detach().reshape(-1) for parameter in parameters]).requires_grad_()
     flat.grad = torch.zeros_like(flat)
     start = 0

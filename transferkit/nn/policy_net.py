@@ -24,6 +24,10 @@ class Architecture:
     activation: str = "tanh"
     std: str = "parameter"
     """`parameter`: one bounded log-std per action. `head`: a linear head on the features, unbounded, as in the paper."""
+    initialization: str = "orthogonal"
+    """`orthogonal`, or `uniform` as `nn.Linear` has it."""
+    squash: bool = False
+    """Bound the mean by tanh, as DDPG needs it."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON-ready data."""
@@ -45,15 +49,15 @@ class PolicyNet(nn.Module):
         """Initialise from the generator, or with zeros when the weights are loaded afterwards.
 
         Orthogonal with gain sqrt(2), and 0.01 on the mean head so that a new policy acts near zero (Andrychowicz et al.
-        2021); with `std="head"` the layers keep `nn.Linear`'s own initialisation, as in the paper's code.
+        2021); `uniform`, and `std="head"`, keep `nn.Linear`'s own initialisation, as in the paper's code.
         """
         super().__init__()
         self.architecture = architecture
         paper = architecture.std == "head"
-        gain = None if paper else math.sqrt(2)
+        gain = math.sqrt(2) if architecture.initialization == "orthogonal" and not paper else None
         self.body = mlp(architecture.obs_dim, architecture.hidden, architecture.activation, generator, gain=gain)
         width = architecture.hidden[-1]
-        self.mean_head = Linear(width, architecture.act_dim, generator, gain=None if paper else 0.01)
+        self.mean_head = Linear(width, architecture.act_dim, generator, gain=0.01 if gain else None)
         if paper:
             self.log_std_head = Linear(width, architecture.act_dim, generator)
         else:
@@ -71,6 +75,8 @@ class PolicyNet(nn.Module):
     def action_distribution(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log-std, each `(B, act_dim)`, from the features."""
         mean = self.mean_head(features)
+        if self.architecture.squash:
+            mean = torch.tanh(mean)
         if self.architecture.std == "head":
             return mean, self.log_std_head(features)
         return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)

@@ -39,6 +39,8 @@ class Policy(nn.Module):
     act_dim: int
     normalizer: Normalizer | None
     """Statistics of this environment's observations; None where the policy takes them raw."""
+    squash: bool = False
+    """Whether the mean is bounded by tanh; DDPG needs it."""
     lr_scale: Mapping[str, float]
     freeze: Mapping[str, float]
 
@@ -110,6 +112,7 @@ class ScratchPolicy(Policy):
         super().__init__()
         self.obs_dim, self.act_dim = network.architecture.obs_dim, network.architecture.act_dim
         self.lr_scale, self.freeze = {}, {}
+        self.squash = network.architecture.squash
         self.normalizer = normalizer
         self.network = network
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
 
 from transferkit.errors import ConfigError
-from transferkit.nn import Architecture, Normalizer, PolicyNet
+from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture, JointInput, Normalizer, PolicyNet
 from transferkit.policy.base import ScratchPolicy
+from transferkit.policy.match import Match, angle_pairs
 from transferkit.run.streams import Streams
 from transferkit.spec import IOSpec
 
@@ -26,9 +27,11 @@ class Core:
     seeds: Sequence[int]
     """Source seed of each member."""
     parts: Mapping[str, Mapping[str, Tensor]]
-    """Per part (`policy`, `normalizer`) the tensors by name, each with a leading axis over members."""
+    """Per part (`policy`, `normalizer`, `critic`, `dynamics`) the tensors by name, each with a leading axis over members."""
     digest: str = ""
     """Hash of the artifact it came from."""
+    ensembles: Mapping[str, EnsembleArchitecture] = field(default_factory=dict)
+    """Architectures of its `critic` and `dynamics`, where it has them."""
 
     def network(self, member: int = 0) -> PolicyNet:
         """The policy network of a member.
@@ -52,6 +55,32 @@ class Core:
         """The member as a policy for its own source environment."""
         return ScratchPolicy(self.network(member), self.normalizer(member))
 
+    def critic(self, member: int = 0) -> Critic:
+        """The member's critics, for its source.
+
+        Raises:
+            ConfigError: the core has none.
+        """
+        critic = Critic(JointInput(self.normalizer(member)), self._ensemble("critic"))
+        critic.load_state_dict(self._of("critic", member))
+        return critic
+
+    def dynamics(self, member: int = 0) -> Dynamics:
+        """The member's model of its source.
+
+        Raises:
+            ConfigError: the core has none.
+        """
+        inputs, obs_dim = JointInput(self.normalizer(member)), self.spec.obs_dim
+        model = Dynamics(inputs, self._ensemble("dynamics"), obs_dim, angle_pairs(self.spec))
+        model.load_state_dict(self._of("dynamics", member))
+        return model
+
+    def _ensemble(self, part: str) -> Ensemble:
+        if part not in self.ensembles:
+            raise ConfigError(f"core {self.id} has no {part}; `transferkit zoo list` shows the parts of every core")
+        return Ensemble(self.ensembles[part])
+
     def _of(self, part: str, member: int) -> dict[str, Tensor]:
         if not 0 <= member < len(self.seeds):
             raise ConfigError(f"core {self.id} has no member {member}; it has 0 to {len(self.seeds) - 1}")
@@ -72,3 +101,12 @@ class Core:
             rows = [row.flatten()[torch.randperm(row.numel(), generator=generator)].view_as(row) for row in tensor]
             network[name] = torch.stack(rows)
         return replace(self, id=f"{self.id} (shuffled)", parts={**self.parts, "policy": network})
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a sandwich comes from, so that critic and model can be wrapped like its policy."""
+
+    core: Core
+    member: int
+    match: Match | None

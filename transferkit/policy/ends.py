@@ -53,8 +53,8 @@ class InputAdapter(nn.Module):
         return adapted + source_normalizer(self.matched(observation)) * self.form.sum(0) if self.semantic else adapted
 
     def matched(self, observation: Tensor) -> Tensor:
-        """The matched quantities in the source's physical units, `(B, d_source)`; zero where nothing matched."""
-        angles = torch.atan2(observation[:, self._sin], observation[:, self._cos])
+        """The matched quantities in the source's physical units, `(..., d_source)`; zero where nothing matched."""
+        angles = torch.atan2(observation[..., self._sin], observation[..., self._cos])
         z = torch.cat([observation, angles], -1) @ self.weight.T + self.bias
         return self.form[0] * z + self.form[1] * z.sin() + self.form[2] * z.cos()
 

@@ -68,7 +68,9 @@ def match(source: IOSpec, target: IOSpec) -> Match:
     """Match a core's source with a target environment."""
     joints = _match_joints(source.joints, target.joints)
     scale = _length_scale(source, target, joints)
-    sin, cos, angle_rows = _angle_pairs(target)
+    pairs = angle_pairs(target)
+    sin, cos = [i for i, _ in pairs], [j for _, j in pairs]
+    angle_rows = [_row(target.observation[i], target) for i in sin]
     positions = [_row(e, target) if e.quantity == "position" else None for e in target.observation] + angle_rows
     velocities = [_row(e, target) if e.quantity == "velocity" else None for e in target.observation]
     width = target.obs_dim + len(sin)
@@ -130,22 +132,19 @@ def _match_joints(source: Sequence[Joint], target: Sequence[Joint]) -> dict[str,
     return matched
 
 
-def _angle_pairs(target: IOSpec) -> tuple[list[int], list[int], list[NDArray]]:
-    """Elements that are sine and cosine of the same angle, and that angle as coefficients over the target's joints."""
+def angle_pairs(target: IOSpec) -> list[tuple[int, int]]:
+    """Indices of observation elements that are sine and cosine of the same angle."""
     sines = {(e.joints, e.coefficients): i for i, e in enumerate(target.observation) if e.quantity == "sin"}
-    sin, cos, rows = [], [], []
+    pairs = []
     for i, element in enumerate(target.observation):
         if element.quantity != "cos" or element.offset:
             continue
         for sign in (1.0, -1.0):  # the cosine does not know the sign of its angle
             coefficients = tuple(sign * c for c in element.coefficients)
             if (element.joints, coefficients) in sines:
-                j = sines[element.joints, coefficients]
-                sin.append(j)
-                cos.append(i)
-                rows.append(_row(target.observation[j], target))
+                pairs.append((sines[element.joints, coefficients], i))
                 break
-    return sin, cos, rows
+    return pairs
 
 
 def _row(element: Element, spec: IOSpec) -> NDArray:

@@ -12,6 +12,7 @@ from transferkit.config import WrapConfig
 from transferkit.nn import Linear, Normalizer, PolicyNet, ResidualLinear, mlp
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.policy.base import Policy
+from transferkit.policy.core import Origin
 from transferkit.policy.ends import InputAdapter, output_adapter
 from transferkit.policy.match import Match, explain
 from transferkit.spec import IOSpec
@@ -30,12 +31,15 @@ class Sandwich(Policy):
         generators: dict[str, torch.Generator] | None,
         *,
         init_std: float,
+        origin: Origin | None = None,
     ) -> None:
         """Build the ends around a core; without generators the weights are zero, to be loaded."""
         super().__init__()
         source, target = specs
         generators = generators or {}
         self._specs, self._match, self.config = specs, found, config
+        self.squash = config.squash or (config.tap == "features" and core.architecture.squash)
+        self.origin = origin
         self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
         self.normalizer = Normalizer(target.obs_dim)
@@ -63,6 +67,8 @@ class Sandwich(Policy):
         mean = self.output_adapter(self.output_finetune(tapped))
         if self.residual is not None:
             mean = mean + self.residual(self.normalized(observation))
+        if self.squash:
+            mean = torch.tanh(mean)
         return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
@@ -101,6 +107,7 @@ class Sandwich(Policy):
             "tap": self.config.tap,
             "finetune": self.config.finetune,
             "residual": self.config.residual,
+            "squash": self.squash,
             "semantic": self._match is not None,
         }
 

@@ -13,7 +13,7 @@ from transferkit.envs.probe import derive_spec
 from transferkit.errors import ConfigError, DimensionError
 from transferkit.nn import Architecture, Normalizer, PolicyNet
 from transferkit.policy.base import Policy, ScratchPolicy
-from transferkit.policy.core import Core
+from transferkit.policy.core import Core, Origin
 from transferkit.policy.match import Match, match
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
@@ -61,7 +61,8 @@ def wrap(
     if config.structure == "paper":
         return PaperSandwich(network, (source, target), config, generators)
     found = _match(config, source, target)
-    return Sandwich(network, normalizer, (source, target), config, found, generators, init_std=init_std)
+    origin = Origin(core, member, found)
+    return Sandwich(network, normalizer, (source, target), config, found, generators, init_std=init_std, origin=origin)
 
 
 def build(blueprint: Mapping[str, Any]) -> Policy:
@@ -77,7 +78,7 @@ def build(blueprint: Mapping[str, Any]) -> Policy:
     specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
     if blueprint["kind"] == "paper":
         return PaperSandwich(network, specs, WRAP_PRESETS["paper"], None)
-    options = {name: blueprint[name] for name in ("tap", "finetune", "residual")}
+    options = {name: blueprint[name] for name in ("tap", "finetune", "residual", "squash") if name in blueprint}
     normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
     found = match(*specs) if blueprint["semantic"] else None
     return Sandwich(network, normalizer, specs, WrapConfig(**options, lr_scale={}), found, None, init_std=1.0)

@@ -18,11 +18,23 @@ RECORD, CHECKPOINT, POLICY, RESULT = "run.json", "checkpoint.safetensors", "poli
 TABLES: Mapping[str, Sequence[str]] = {
     "episodes": ("episode", "env_index", "return", "length", "terminated", "steps", "seconds"),
     "evaluations": ("episodes", "steps", "seconds", "return_mean", "return_std", "return_low", "return_high", "n"),
+    "model": (
+        "steps",
+        "error_1",
+        "error_5",
+        "error_20",
+        "disagreement",
+        "reward_error",
+        "termination_accuracy",
+        "terminations_found",
+    ),
 }
+ALWAYS = ("episodes", "evaluations")
+"""Tables that are there from the start; another comes with its first row."""
 
 
 class RunDirectory:
-    """Files of a run: record, one table row per episode and per evaluation, checkpoint, final policy, result.
+    """Files of a run: record, tables (episodes, evaluations, diagnoses of a model), checkpoint, final policy, result.
 
     Rows are appended as they happen; a checkpoint notes how long the tables were, and resuming cuts them back to it, so
     that the re-run steps write the same rows again.
@@ -53,7 +65,8 @@ class RunDirectory:
             "git": git_state(),
         }
         write_json(path / RECORD, record)
-        run._open_tables()
+        for name in ALWAYS:
+            run._open(name)
         return run
 
     @classmethod
@@ -73,13 +86,16 @@ class RunDirectory:
         run = cls(path)
         state = load_state(path / CHECKPOINT) if (path / CHECKPOINT).exists() else None
         for name in TABLES:
-            with writing(path):
-                os.truncate(run._table_path(name), state["tables"][name] if state else 0)
-        run._open_tables()
+            if run._table_path(name).exists():
+                with writing(path):
+                    os.truncate(run._table_path(name), state["tables"].get(name, 0) if state else 0)
+                run._open(name)
         return run, state
 
     def append(self, table: str, row: Mapping[str, Any]) -> None:
-        """Add one row to `episodes` or `evaluations`."""
+        """Add one row to a table."""
+        if table not in self._tables:
+            self._open(table)
         with writing(self._table_path(table)):
             csv.DictWriter(self._tables[table], TABLES[table], lineterminator="\n").writerow(row)
 
@@ -122,13 +138,12 @@ class RunDirectory:
             raise RunDirectoryError(f"another process is writing {self.path}; wait for it or pass another --out DIR") from None
         return lock
 
-    def _open_tables(self) -> None:
-        for name, columns in TABLES.items():
-            with writing(self._table_path(name)):
-                file = self._table_path(name).open("a", buffering=1, newline="")
-                self._tables[name] = file
-                if file.tell() == 0:
-                    csv.writer(file, lineterminator="\n").writerow(columns)
+    def _open(self, name: str) -> None:
+        with writing(self._table_path(name)):
+            file = self._table_path(name).open("a", buffering=1, newline="")
+            self._tables[name] = file
+            if file.tell() == 0:
+                csv.writer(file, lineterminator="\n").writerow(TABLES[name])
 
     def _table_path(self, name: str) -> Path:
         return self.path / f"{name}.csv"

@@ -11,13 +11,16 @@ import torch
 from torch import Tensor
 
 from transferkit.errors import ArtifactError
-from transferkit.nn import Architecture
+from transferkit.nn import Architecture, EnsembleArchitecture
 from transferkit.policy.core import Core
 from transferkit.run.files import write_atomically, write_json
 from transferkit.run.streams import Streams
 from transferkit.zoo.card import CARD, PROBE, README, WEIGHTS, Card, Part, read_card, sha256
 from transferkit.zoo.catalog import find_core
 from transferkit.zoo.readme import render
+
+ENSEMBLES = ("critic", "dynamics")
+"""Optional parts of a core, each a method of `Core`."""
 
 PROBE_INPUTS = 32
 PROBE_TOLERANCE = 1e-5
@@ -46,10 +49,13 @@ def load_core(name: str | Path) -> Core:
     if "policy" not in parts:
         raise ArtifactError(f"core {card.id} has no policy part; write it again with `transferkit pretrain`")
     architecture = Architecture.from_json(card.parts["policy"].architecture)
-    core = Core(card.id, card.source, architecture, card.seeds, parts, str(card.to_json()["digest"]))
+    ensembles = {k: EnsembleArchitecture.from_json(card.parts[k].architecture) for k in ENSEMBLES if k in parts}
+    core = Core(card.id, card.source, architecture, card.seeds, parts, str(card.to_json()["digest"]), ensembles)
     try:
         for member in range(len(card.seeds)):
             core.policy(member)
+            for part in ensembles:
+                getattr(core, part)(member)
     except RuntimeError as error:  # torch's message lists every tensor that does not fit, on many lines
         reason = " ".join(str(error).split())[:200]
         raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})") from None
@@ -83,6 +89,13 @@ def policy_part(architecture: Architecture) -> Part:
     return Part("policy", architecture.to_json(), ("body.0.weight",), tuple(output))
 
 
+def ensemble_part(kind: str, architecture: EnsembleArchitecture) -> Part:
+    """The card's entry of critics or of a model, with its ends named."""
+    outputs = ("ensemble.head.weight", "ensemble.head.bias")
+    statistics = ("mean", "std") if kind == "dynamics" else ()
+    return Part(kind, architecture.to_json(), ("ensemble.body.0.weight",), outputs + statistics)
+
+
 def normalizer_part(obs_dim: int) -> Part:
     """The card's entry of the source's observation statistics, which are an end as a whole."""
     return Part("normalizer", {"obs_dim": obs_dim}, ("mean", "var", "count"), ())
@@ -111,10 +124,8 @@ def check_probe(core: Core, folder: Path) -> float:
     stored = _read(folder / PROBE)
     worst = 0.0
     for member in range(len(core.seeds)):
-        with torch.no_grad():
-            mean, log_std = core.policy(member)(stored["input"])
-        for output, expected in ((mean, stored["mean"][member]), (log_std, stored["log_std"][member])):
-            worst = max(worst, float((output - expected).abs().max()))
+        for name, output in _outputs(core, member, stored["input"]).items():
+            worst = max(worst, float((output - stored[name][member]).abs().max()))
     if not worst <= PROBE_TOLERANCE:
         raise ArtifactError(
             f"core {core.id} computes other outputs than it was released with (difference {worst:.2e}, allowed "
@@ -127,9 +138,22 @@ def check_probe(core: Core, folder: Path) -> float:
 def _make_probe(core: Core) -> dict[str, Tensor]:
     generator = Streams(0).torch("probe")
     observation = torch.randn(PROBE_INPUTS, core.spec.obs_dim, generator=generator)
-    outputs = [core.policy(member)(observation) for member in range(len(core.seeds))]
-    mean, log_std = (torch.stack(column).contiguous() for column in zip(*outputs, strict=True))
-    return {"input": observation, "mean": mean, "log_std": log_std}
+    outputs = [_outputs(core, member, observation) for member in range(len(core.seeds))]
+    stacked = {name: torch.stack([output[name] for output in outputs]).contiguous() for name in outputs[0]}
+    return {"input": observation, **stacked}
+
+
+@torch.no_grad()
+def _outputs(core: Core, member: int, observation: Tensor) -> dict[str, Tensor]:
+    """What every part of a member says; critics and model of the policy's own action."""
+    mean, log_std = core.policy(member)(observation)
+    outputs = {"mean": mean, "log_std": log_std}
+    action = mean.clamp(-1.0, 1.0)
+    if "critic" in core.ensembles:
+        outputs["value"] = core.critic(member)(observation, action)
+    if "dynamics" in core.ensembles:
+        outputs["next_observation"] = core.dynamics(member).predict(observation, action).next_observation
+    return outputs
 
 
 def _read(path: Path) -> dict[str, Tensor]:

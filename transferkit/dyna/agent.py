@@ -1,0 +1,177 @@
+"""The networks of DYNA-DDPG, their optimisers, and one environment step's worth of learning."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from transferkit.config import DynaConfig
+from transferkit.dyna.imagine import imagine
+from transferkit.dyna.losses import actor_loss, critic_loss, td_target
+from transferkit.dyna.model import fit
+from transferkit.dyna.replay import Batch, ReplayBuffer
+from transferkit.envs.vector import Step
+from transferkit.nn.critic import Critic
+from transferkit.nn.dynamics import Dynamics
+from transferkit.nn.optimizer import Part, PartAdam, flatten
+from transferkit.policy.base import Policy
+from transferkit.policy.parts import learning_parts
+from transferkit.run.streams import Streams
+
+M = TypeVar("M", bound=nn.Module)
+
+
+class Agent:
+    """Actor, critics, model and replay buffer; `explore`, `observe` and `learn` are called once for each environment step."""
+
+    def __init__(
+        self, policy: Policy, critic: Critic, model: Dynamics, config: DynaConfig, streams: Streams, device: torch.device
+    ) -> None:
+        self.policy, self.critic, self.model, self.config, self.device = policy, critic, model, config, device
+        self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
+        groups = policy.parameter_groups()
+        self.actor_optimizer = PartAdam([Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
+        self.critic_optimizer = PartAdam(learning_parts(critic, policy), config.critic_learning_rate)
+        self.model_optimizer = PartAdam(learning_parts(model, policy), config.model_learning_rate)
+        self.target_policy, self.target_critic = self._copy(policy), self._copy(critic)
+        self._targets = [flatten(g.parameters) for g in self.target_policy.parameter_groups()]
+        self._targets += [flatten(part.parameters) for part in learning_parts(self.target_critic, policy)]
+        self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
+        self.noise, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
+        self.imagination = streams.torch("imagination", device)
+        self._last_noise = torch.zeros(1, policy.act_dim, device=device)
+        self.losses: dict[str, Tensor] = {}
+
+    @torch.no_grad()
+    def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Actions `(1, act_dim)`: uniform at first, then the policy's with Gaussian noise."""
+        if self.buffer.added < self.config.random_steps:
+            action = torch.rand((1, self.policy.act_dim), generator=self.noise, device=self.device) * 2 - 1
+        else:
+            mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
+            action = (mean + self.config.exploration_noise * self._next_noise()).clamp(-1.0, 1.0)
+        return action.cpu().numpy()
+
+    def _next_noise(self) -> Tensor:
+        """Standard normal, correlated over time (an Ornstein-Uhlenbeck process, Lillicrap et al. 2016)."""
+        correlation = self.config.noise_correlation
+        white = torch.randn(self._last_noise.shape, generator=self.noise, device=self.device)
+        self._last_noise = correlation * self._last_noise + (1 - correlation**2) ** 0.5 * white
+        return self._last_noise
+
+    def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
+        """Remember a step of the one environment."""
+        fields = observation, action, step.reward, step.final_observation, step.terminated.astype(np.float32)
+        batch = Batch(*(torch.from_numpy(field)[0].to(self.device) for field in fields))
+        self.buffer.add(batch)
+        self.policy.update_normalizer(batch.observation.unsqueeze(0))
+
+    def learn(self) -> None:
+        """The updates that follow one environment step; none before the buffer holds a batch."""
+        config = self.config
+        if self.buffer.added < max(config.batch_size, config.learning_starts):
+            return
+        if config.model_share and self.buffer.added % config.model_every == 0:
+            self.losses["model"] = torch.tensor(fit(self.model, self.model_optimizer, self.buffer, config, self.imagination))
+        batch = self.buffer.split(self._batches())
+        targets = td_target(self.target_policy, self.target_critic, batch, self._target_noise(batch), config)
+        for k in range(config.updates_per_step):
+            self._update_critic(batch.observation[k], batch.action[k], targets[k])
+            if k % config.actor_every == 0:
+                self._update_actor(batch.observation[k])
+        with torch.no_grad():
+            torch._foreach_lerp_(self._targets, self._online, config.tau)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the model has been trained at all."""
+        return "model" in self.losses
+
+    @property
+    def largest_return(self) -> float:
+        """No discounted sum of the rewards seen can be larger, in the critic's scale."""
+        rewards = self.buffer.all().reward.abs()
+        return self.config.reward_scale * float(rewards.max()) / (1 - self.config.gamma)
+
+    def metrics(self) -> dict[str, float]:
+        """The latest losses."""
+        return {name: float(loss) for name, loss in self.losses.items()}
+
+    def state(self) -> dict[str, Any]:
+        """Everything that the next step depends on."""
+        return {
+            "modules": {name: module.state_dict() for name, module in self._modules().items()},
+            "optimizers": [optimizer.state_dict() for optimizer in self._optimizers()],
+            "generators": [generator.get_state() for generator in self._generators()],
+            "buffer": self.buffer.state(),
+            "last_noise": self._last_noise,
+            "losses": self.losses,
+        }
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """The inverse of `state`."""
+        for name, module in self._modules().items():
+            module.load_state_dict(state["modules"][name])
+        for optimizer, saved in zip(self._optimizers(), state["optimizers"], strict=True):
+            optimizer.load_state_dict(saved)
+        for generator, saved in zip(self._generators(), state["generators"], strict=True):
+            generator.set_state(saved)
+        self.buffer.restore(state["buffer"])
+        self._last_noise = state["last_noise"].to(self.device)
+        self.losses = dict(state["losses"])
+
+    def _batches(self) -> Tensor:
+        """Rows `(updates_per_step, batch_size, width)`, the model's share of them imagined."""
+        config = self.config
+        count, size = config.updates_per_step, config.batch_size
+        imagined = round(config.model_share * count * size) if self.fitted else 0
+        if not imagined:
+            return self.buffer.sample((count, size), self.batches)
+        rows = imagine(imagined, self.policy, self.model, self.buffer, config, self.imagination)
+        mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches), rows))
+        if config.mix_batches:
+            mixed = mixed[torch.randperm(count * size, generator=self.batches, device=self.device)]
+        return mixed.view(count, size, -1)
+
+    def _target_noise(self, batch: Batch) -> Tensor | None:
+        config = self.config
+        if not config.target_noise:
+            return None
+        noise = config.target_noise * torch.randn(batch.action.shape, generator=self.batches, device=self.device)
+        return noise.clamp_(-config.target_noise_clip, config.target_noise_clip)
+
+    def _update_critic(self, observation: Tensor, action: Tensor, target: Tensor) -> None:
+        loss = critic_loss(self.critic, observation, action, target)
+        self.critic_optimizer.zero_grad()
+        loss.backward()
+        self.critic_optimizer.step()
+        self.losses["critic"], self.losses["value"] = loss.detach(), target.mean()
+
+    def _update_actor(self, observation: Tensor) -> None:
+        self.critic.requires_grad_(requires_grad=False)  # its own gradients would cost a third of the backward pass
+        loss = actor_loss(self.policy, self.critic, observation)
+        self.actor_optimizer.zero_grad()
+        loss.backward()
+        self.actor_optimizer.step()
+        self.critic.requires_grad_(requires_grad=True)
+        self.losses["actor"] = loss.detach()
+
+    def _modules(self) -> dict[str, nn.Module]:
+        names = ("policy", "critic", "model", "target_policy", "target_critic")
+        return {name: getattr(self, name) for name in names}
+
+    def _optimizers(self) -> tuple[PartAdam, ...]:
+        return self.actor_optimizer, self.critic_optimizer, self.model_optimizer
+
+    def _generators(self) -> tuple[torch.Generator, ...]:
+        return self.noise, self.batches, self.imagination
+
+    def _copy(self, module: M) -> M:
+        """A target network; it shares the normaliser, whose statistics are not learnt."""
+        normalizer = self.policy.normalizer
+        return copy.deepcopy(module, {} if normalizer is None else {id(normalizer): normalizer})

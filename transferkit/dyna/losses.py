@@ -1,0 +1,59 @@
+"""Losses of DYNA-DDPG, pure functions of (networks, batch)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from transferkit.config import DynaConfig
+from transferkit.dyna.replay import Batch
+from transferkit.nn.critic import Critic
+from transferkit.nn.dynamics import Dynamics
+from transferkit.policy.base import Policy
+
+
+@torch.no_grad()
+def td_target(policy: Policy, critic: Critic, batch: Batch, noise: Tensor | None, config: DynaConfig) -> Tensor:
+    """Scaled reward plus the discounted least value of the members at the policy's next action, both of target networks.
+
+    In the batch's own leading axes.
+
+    Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
+    equations 10 and 14. Only terminations cut the bootstrap; time-outs do not.
+    """
+    observation = batch.next_observation.flatten(0, -2)
+    action = policy(observation)[0]
+    if noise is not None:
+        action = (action + noise.view_as(action)).clamp(-1.0, 1.0)
+    value = critic(observation, action).amin(0).view_as(batch.reward)
+    return config.reward_scale * batch.reward + config.gamma * (1.0 - batch.terminated) * value
+
+
+def critic_loss(critic: Critic, observation: Tensor, action: Tensor, target: Tensor) -> Tensor:
+    """Squared TD error, summed over members (Lillicrap et al. 2016, equation 4)."""
+    return (critic(observation, action) - target).square().mean(-1).sum()
+
+
+def actor_loss(policy: Policy, critic: Critic, observation: Tensor) -> Tensor:
+    """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value."""
+    return -critic(observation, policy(observation)[0]).mean()
+
+
+def dynamics_loss(model: Dynamics, batch: Batch) -> Tensor:
+    """Gaussian negative log-likelihood (Chua et al. 2018, equation 1) and cross-entropy of termination.
+
+    The batch has its own rows for each member, `(E, B, ...)`; the loss is summed over members.
+    """
+    mean, log_var, logit = model(batch.observation, batch.action)
+    targets = model.targets(batch.observation, batch.reward, batch.next_observation)
+    likelihood = ((mean - targets).square() * torch.exp(-log_var) + log_var).mean((-1, -2)).sum()
+    termination = functional.binary_cross_entropy_with_logits(logit, batch.terminated, reduction="none").mean(-1).sum()
+    return 0.5 * likelihood + termination
+
+
+def squared_error_loss(model: Dynamics, batch: Batch) -> Tensor:
+    """Mean squared error of the next observation alone: the paper's model."""
+    mean, _, _ = model(batch.observation, batch.action)
+    targets = model.targets(batch.observation, batch.reward, batch.next_observation)
+    return (mean - targets)[..., :-1].square().mean()

@@ -1,0 +1,69 @@
+"""Fitting the model to the replay buffer."""
+
+from __future__ import annotations
+
+import torch
+
+from transferkit.config import DynaConfig
+from transferkit.dyna.losses import dynamics_loss, squared_error_loss
+from transferkit.dyna.replay import Batch, ReplayBuffer
+from transferkit.nn.dynamics import Dynamics
+from transferkit.nn.optimizer import PartAdam
+
+HOLDOUT = 0.1
+"""Share of the transitions that only decide when to stop."""
+
+HOLDOUT_ROWS = 1000
+"""At most so many of them."""
+
+CHECK_EVERY = 50
+"""Updates between looks at them."""
+
+MIN_GAIN = 0.01
+"""Least fall of their loss, as a share of it, to go on."""
+
+
+def fit(model: Dynamics, optimizer: PartAdam, buffer: ReplayBuffer, config: DynaConfig, generator: torch.Generator) -> float:
+    """Train at most `model_updates` batches, less once the held-out loss no longer falls; returns the last loss.
+
+    Each member learns from batches of its own. The split is by the age of a transition, so that one that was held out stays so.
+    """
+    data = buffer.all()
+    if config.normalize_targets:
+        model.set_statistics(data.observation, data.reward, data.next_observation)
+    held_out = _held_out(len(buffer), config, data.reward.device)
+    training = torch.nonzero(~held_out).squeeze(-1)
+    checking = torch.nonzero(held_out).squeeze(-1)[-HOLDOUT_ROWS:]
+    best, loss = float("inf"), torch.zeros(())
+    for update in range(config.model_updates):
+        if len(checking) and update % CHECK_EVERY == 0:
+            current = _held_out_loss(model, data, checking, config)
+            if current > best - MIN_GAIN * abs(best) and update:
+                break
+            best = current
+        rows = training[torch.randint(len(training), (config.model_members, config.model_batch_size), generator=generator)]
+        optimizer.zero_grad()
+        loss = _loss(model, _rows(data, rows), config)
+        loss.backward()
+        optimizer.step()
+    return float(loss.detach())
+
+
+def _held_out(n: int, config: DynaConfig, device: torch.device) -> torch.Tensor:
+    every = round(1 / HOLDOUT)
+    if config.model_updates <= CHECK_EVERY or n < every:
+        return torch.zeros(n, dtype=torch.bool, device=device)
+    return torch.arange(n, device=device) % every == 0
+
+
+@torch.no_grad()
+def _held_out_loss(model: Dynamics, data: Batch, rows: torch.Tensor, config: DynaConfig) -> float:
+    return float(_loss(model, _rows(data, rows.expand(config.model_members, -1)), config))
+
+
+def _loss(model: Dynamics, batch: Batch, config: DynaConfig) -> torch.Tensor:
+    return dynamics_loss(model, batch) if config.model_loss == "likelihood" else squared_error_loss(model, batch)
+
+
+def _rows(data: Batch, rows: torch.Tensor) -> Batch:
+    return Batch(*(tensor[rows] for tensor in data))

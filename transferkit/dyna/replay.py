@@ -1,0 +1,86 @@
+"""Experience replay, one row a transition, so that a step's batches are one gather."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+FIRST_CAPACITY = 1024
+"""Rows allocated at first; doubled when they are full."""
+
+
+class Batch(NamedTuple):
+    """Transitions; the leading axes are free."""
+
+    observation: Tensor
+    """`(..., obs_dim)`."""
+    action: Tensor
+    """`(..., act_dim)`."""
+    reward: Tensor
+    """`(...)`."""
+    next_observation: Tensor
+    """`(..., obs_dim)`, the true one where an episode ended."""
+    terminated: Tensor
+    """`(...)`, 1.0 where nothing follows; a time-out is 0.0."""
+
+    def rows(self) -> Tensor:
+        """As `(..., width)` in the order of the fields."""
+        return torch.cat(
+            (self.observation, self.action, self.reward.unsqueeze(-1), self.next_observation, self.terminated.unsqueeze(-1)), -1
+        )
+
+
+class ReplayBuffer:
+    """The last `capacity` transitions, oldest overwritten first."""
+
+    def __init__(self, obs_dim: int, act_dim: int, capacity: int, device: torch.device | str = "cpu") -> None:
+        self.obs_dim, self.act_dim, self.capacity = obs_dim, act_dim, capacity
+        self.added = 0
+        self._rows = torch.zeros(min(FIRST_CAPACITY, capacity), 2 * obs_dim + act_dim + 2, device=device)
+
+    def __len__(self) -> int:
+        return min(self.added, self.capacity)
+
+    def add(self, batch: Batch) -> None:
+        """Add one transition, without leading axes."""
+        at = self.added % self.capacity
+        if at >= len(self._rows):
+            grown = self._rows.new_zeros(min(2 * len(self._rows), self.capacity), self._rows.shape[1])
+            grown[: len(self._rows)] = self._rows
+            self._rows = grown
+        self._rows[at] = batch.rows()
+        self.added += 1
+
+    def sample(self, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
+        """Rows `(*shape, width)` drawn with replacement."""
+        return self._rows[torch.randint(len(self), shape, generator=generator, device=self._rows.device)]
+
+    def recent(self, n: int) -> Batch:
+        """The last `n` transitions in the order of time, `(n, ...)`."""
+        index = torch.arange(self.added - min(n, len(self)), self.added, device=self._rows.device) % self.capacity
+        return self.split(self._rows[index])
+
+    def all(self) -> Batch:
+        """Every transition, in the order of storage."""
+        return self.split(self._rows[: len(self)])
+
+    def split(self, rows: Tensor) -> Batch:
+        """Rows `(..., width)` as a batch of views."""
+        observation, action, reward, following, terminated = rows.split((self.obs_dim, self.act_dim, 1, self.obs_dim, 1), -1)
+        return Batch(observation, action, reward.squeeze(-1), following, terminated.squeeze(-1))
+
+    def state(self) -> dict[str, Any]:
+        """The rows and how many were ever added."""
+        return {"added": self.added, "rows": self._rows[: len(self)]}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """The inverse of `state`."""
+        self.added = state["added"]
+        n, allocated = len(state["rows"]), len(self._rows)
+        while allocated < n:
+            allocated = min(2 * allocated, self.capacity)
+        rows = self._rows.new_zeros(allocated, self._rows.shape[1])
+        rows[:n] = state["rows"]
+        self._rows = rows

@@ -1,0 +1,99 @@
+"""A learnt model of an environment: an ensemble that predicts state changes, rewards and terminations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+LOG_VAR_BOUNDS = (-10.0, 0.5)
+"""Of the predicted variance, in units of the targets' own (Chua et al. 2018 learn them; fixed here)."""
+
+EPSILON = 1e-6
+"""Least standard deviation of a target."""
+
+
+class Prediction(NamedTuple):
+    """What every member says, in the environment's units."""
+
+    next_observation: Tensor
+    """`(E, B, obs_dim)`."""
+    reward: Tensor
+    """`(E, B)`."""
+    terminated: Tensor
+    """Probability, `(E, B)`."""
+
+
+class Dynamics(nn.Module):
+    """Ensemble of Gaussian networks with a termination head (Chua et al. 2018; Janner et al. 2019).
+
+    The network sees normalised observations and actions, and predicts observation changes and rewards in units of their own
+    standard deviations, which `set_statistics` measures.
+    """
+
+    mean: Tensor
+    """Of the targets (observation changes, then the reward), `(obs_dim + 1,)`."""
+    std: Tensor
+    """`(obs_dim + 1,)`."""
+
+    def __init__(
+        self,
+        inputs: nn.Module,
+        ensemble: nn.Module,
+        obs_dim: int,
+        angles: Sequence[tuple[int, int]] = (),
+        *,
+        absolute: bool = False,
+    ) -> None:
+        """`angles` are the indices of observation elements that are sine and cosine of one angle.
+
+        With `absolute` the network predicts the next observation itself in place of its change.
+        """
+        super().__init__()
+        self.inputs, self.ensemble, self.obs_dim = inputs, ensemble, obs_dim
+        self._kept = 0.0 if absolute else 1.0
+        self._sin, self._cos = [sin for sin, _ in angles], [cos for _, cos in angles]
+        self.register_buffer("mean", torch.zeros(obs_dim + 1))
+        self.register_buffer("std", torch.ones(obs_dim + 1))
+
+    @staticmethod
+    def out_dim(obs_dim: int) -> int:
+        """Mean and log-variance of every target, and the termination logit."""
+        return 2 * (obs_dim + 1) + 1
+
+    def forward(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Mean and log-variance `(E, B, obs_dim + 1)` of the normalised targets, and termination logits `(E, B)`."""
+        n = self.obs_dim + 1
+        mean, raw, logit = self.ensemble(self.inputs(observation, action)).split((n, n, 1), -1)
+        low, high = LOG_VAR_BOUNDS
+        log_var = low + functional.softplus(high - functional.softplus(high - raw) - low)
+        return mean, log_var, logit.squeeze(-1)
+
+    def targets(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> Tensor:
+        """What the means are trained towards, `(..., obs_dim + 1)`."""
+        return (self._raw_targets(observation, reward, next_observation) - self.mean) / self.std
+
+    @torch.no_grad()
+    def set_statistics(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> None:
+        """Measure the targets' mean and standard deviation, over all leading axes."""
+        changes = self._raw_targets(observation, reward, next_observation).flatten(0, -2)
+        self.mean.copy_(changes.mean(0))
+        self.std.copy_(changes.std(0, correction=0).clamp(min=EPSILON))
+
+    @torch.no_grad()
+    def predict(self, observation: Tensor, action: Tensor) -> Prediction:
+        """Means of all members for `(B, obs_dim)`, `(B, act_dim)`; sine and cosine of an angle put back on the circle."""
+        mean, _, logit = self(observation, action)
+        change = mean * self.std + self.mean
+        following = self._kept * observation + change[..., :-1]
+        if self._sin:
+            sin, cos = following[..., self._sin], following[..., self._cos]
+            radius = torch.hypot(sin, cos).clamp(min=EPSILON)
+            following[..., self._sin], following[..., self._cos] = sin / radius, cos / radius
+        return Prediction(following, change[..., -1], torch.sigmoid(logit))
+
+    def _raw_targets(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> Tensor:
+        return torch.cat((next_observation - self._kept * observation, reward.unsqueeze(-1)), -1)

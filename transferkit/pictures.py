@@ -1,0 +1,107 @@
+"""Pictures of runs: learning curves, and how good a learnt model is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from transferkit.errors import RunDirectoryError
+from transferkit.run.directory import read_json, read_table
+
+WINDOW = 20
+"""Episodes of the running mean."""
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+"""Okabe and Ito's colour-blind safe palette."""
+
+MODEL_PANELS: Mapping[str, Mapping[str, str]] = {
+    "observation error / deviation": {"error_1": "1 step", "error_5": "5 steps", "error_20": "20 steps"},
+    "in units of the targets": {"disagreement": "members' disagreement", "reward_error": "reward error"},
+    "share": {"termination_accuracy": "right about the end", "terminations_found": "ends foreseen"},
+}
+
+
+def draw_learning_curves(runs: Mapping[str, Path], title: str, path: Path, *, zero_action: float | None = None) -> None:
+    """Training returns of runs by label, over episodes and over environment steps: each episode, and a running mean."""
+    pyplot = _pyplot()
+    figure, axes = pyplot.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
+    for (label, run), colour in zip(runs.items(), COLOURS, strict=False):
+        _draw_returns(axes, run, label, colour)
+    for axis in axes:
+        if zero_action is not None:
+            axis.axhline(zero_action, color="grey", linestyle=":")
+    axes[0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
+    axes[0].set_title(title)
+    axes[1].set_title("" if zero_action is None else "dotted: zero action")
+    axes[0].legend()
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+def draw_run(run: Path, path: Path) -> None:
+    """A run's learning curve with its evaluations, and below it its model's errors where it has a model.
+
+    Raises:
+        RunDirectoryError: there is no run, or no finished episode yet.
+    """
+    record = read_json(run / "run.json")["config"]
+    if not read_table(run, "episodes"):
+        raise RunDirectoryError(f"{run} has no finished episode yet; train longer, then plot")
+    model = read_table(run, "model") if (run / "model.csv").exists() else []
+    pyplot = _pyplot()
+    rows = 2 if model else 1
+    figure, axes = pyplot.subplots(rows, 3 if model else 2, figsize=(12, 4 * rows), layout="constrained", squeeze=False)
+    _draw_returns(axes[0], run, "training", COLOURS[0])
+    _draw_evaluations(axes[0][:2], read_table(run, "evaluations"))
+    figure.suptitle(f"{record['env']}, {record['algo']}, {record['core'] or 'scratch'}, seed {record['seed']}")
+    axes[0][0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
+    axes[0][0].legend()
+    if model:
+        axes[0][2].set_axis_off()
+        _draw_model(axes[1], model)
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+def _draw_returns(axes: Sequence[Any], run: Path, label: str, colour: str) -> None:
+    rows = read_table(run, "episodes")
+    returns = np.array([row["return"] for row in rows])
+    window = np.ones(min(WINDOW, len(returns)))
+    mean = np.convolve(returns, window) / np.convolve(np.ones(len(returns)), window)
+    for axis, x, name in zip(axes, ("episode", "steps"), ("training episodes", "environment steps"), strict=False):
+        xs = [row[x] for row in rows]
+        axis.plot(xs, returns, ".", color=colour, alpha=0.25, markersize=4)
+        axis.plot(xs, mean[: len(returns)], color=colour, label=label)
+        axis.set_xlabel(name)
+
+
+def _draw_evaluations(axes: Sequence[Any], rows: Sequence[Mapping[str, float]]) -> None:
+    for axis, x in zip(axes, ("episodes", "steps"), strict=True):
+        means = np.array([row["return_mean"] for row in rows])
+        spread = np.abs(np.array([[row["return_low"], row["return_high"]] for row in rows]).reshape(-1, 2).T - means)
+        xs = [row[x] for row in rows]
+        axis.errorbar(xs, means, spread, fmt="s", color=COLOURS[1], markersize=4, label="evaluation, 95 % interval")
+
+
+def _draw_model(axes: Sequence[Any], rows: Sequence[Mapping[str, float]]) -> None:
+    for axis, (title, columns) in zip(axes, MODEL_PANELS.items(), strict=True):
+        for (column, label), colour in zip(columns.items(), COLOURS, strict=False):
+            axis.plot([row["steps"] for row in rows], [row[column] for row in rows], ".-", color=colour, label=label)
+        axis.set_xlabel("environment steps")
+        axis.set_ylabel(title)
+        axis.legend()
+    axes[0].set_yscale("log")
+    axes[1].set_yscale("log")
+    axes[0].set_title("model, on transitions it has not seen")
+
+
+def _pyplot() -> Any:  # noqa: ANN401 - a module
+    import matplotlib  # noqa: PLC0415 - half a second
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot  # noqa: PLC0415
+
+    return pyplot

@@ -1,0 +1,102 @@
+"""What a trainer learns beside a policy: critics and a model of the environment, new or wrapped like the policy's core."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from transferkit.config import DynaConfig
+from transferkit.nn import Critic, Dynamics, Ensemble, EnsembleArchitecture, EnsembleLinear, JointInput, Linear, ResidualLinear
+from transferkit.nn.optimizer import Part
+from transferkit.policy.base import Policy
+from transferkit.policy.core import Origin
+from transferkit.policy.ends import InputAdapter
+from transferkit.policy.match import angle_pairs
+from transferkit.policy.sandwich import Sandwich
+from transferkit.spec import IOSpec
+
+
+def make_critic(policy: Policy, config: DynaConfig, generator: torch.Generator) -> Critic:
+    """Critics under the policy's observation statistics; the core's own in a sandwich, where it has as many."""
+    origin = _origin(policy, "critic") if config.wrap_critic else None
+    if origin is not None and origin.core.ensembles["critic"].members == config.critics:
+        ensemble = cast("Ensemble", origin.core.critic(origin.member).ensemble)
+        return Critic(AdaptedInput(policy, origin, generator), WrappedEnsemble(ensemble, 1, origin, generator))
+    inputs = policy.obs_dim + policy.act_dim
+    architecture = EnsembleArchitecture(config.critics, inputs, 1, config.hidden, config.layer_norm)
+    return Critic(JointInput(policy.normalizer), Ensemble(architecture, generator))
+
+
+def make_dynamics(policy: Policy, spec: IOSpec, config: DynaConfig, generator: torch.Generator) -> Dynamics:
+    """A model under the policy's observation statistics; the core's own in a sandwich, where it has as many members."""
+    absolute, outputs = config.predict == "state", Dynamics.out_dim(policy.obs_dim)
+    angles = [] if absolute else angle_pairs(spec)
+    origin = _origin(policy, "dynamics") if config.wrap_dynamics else None
+    if origin is not None and origin.core.ensembles["dynamics"].members == config.model_members:
+        core = cast("Ensemble", origin.core.dynamics(origin.member).ensemble)
+        inputs: nn.Module = AdaptedInput(policy, origin, generator)
+        ensemble: nn.Module = WrappedEnsemble(core, outputs, None, generator)
+    else:
+        width = policy.obs_dim + policy.act_dim
+        architecture = EnsembleArchitecture(config.model_members, width, outputs, config.model_hidden, config.layer_norm)
+        inputs, ensemble = JointInput(policy.normalizer), Ensemble(architecture, generator)
+    return Dynamics(inputs, ensemble, policy.obs_dim, angles, absolute=absolute)
+
+
+def learning_parts(module: nn.Module, policy: Policy) -> list[Part]:
+    """All parameters of a critic or a model; those of a wrapped core at the rate of the policy's core."""
+    core = [p for child in module.modules() if isinstance(child, WrappedEnsemble) for p in child.core_parameters()]
+    known = {id(p) for p in core}
+    parts = [Part([p for p in module.parameters() if id(p) not in known])]
+    return [*parts, Part(core, policy.lr_scale.get("core", 1.0))] if core else parts
+
+
+class AdaptedInput(nn.Module):
+    """Target observations and actions as the core's: the policy's input adapter, and actions mapped back."""
+
+    def __init__(self, policy: Policy, origin: Origin, generator: torch.Generator) -> None:
+        super().__init__()
+        assert policy.normalizer is not None  # a sandwich has one
+        core, found = origin.core, origin.match
+        statistics = core.normalizer(origin.member)
+        self.observation = InputAdapter(policy.normalizer, statistics, core.spec.obs_dim, found, generator)
+        self.action = Linear(policy.act_dim, core.spec.act_dim, None if found else generator, gain=1.0)
+        if found is not None:
+            with torch.no_grad():
+                self.action.weight.copy_(torch.from_numpy(np.linalg.pinv(np.array(found.action_weight))))
+        self.finetune = ResidualLinear(core.spec.obs_dim + core.spec.act_dim)
+
+    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
+        """What the core's ensemble sees, `(..., source obs_dim + act_dim)`."""
+        return self.finetune(torch.cat((self.observation(observation), self.action(action)), -1))
+
+
+class WrappedEnsemble(nn.Module):
+    """Hidden layers of a core's ensemble, a residual layer that starts as the identity, and a head."""
+
+    def __init__(self, core: Ensemble, out_dim: int, origin: Origin | None, generator: torch.Generator) -> None:
+        """With an origin whose adapters are matched the head starts as the core's own, else at random."""
+        super().__init__()
+        members, width = core.architecture.members, core.architecture.hidden[-1]
+        self.core = core
+        self.finetune = EnsembleLinear(members, width, width)
+        matched = origin is not None and origin.match is not None
+        self.head = core.head if matched else EnsembleLinear(members, width, out_dim, generator)
+        core.head = nn.Identity()  # type: ignore[assignment] - this one is its head now
+
+    def forward(self, x: Tensor) -> Tensor:
+        """Outputs `(E, B, out_dim)` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for rows of its own each."""
+        features = self.core.features(x)
+        return self.head(features + self.finetune(features))
+
+    def core_parameters(self) -> list[nn.Parameter]:
+        """Of the hidden layers."""
+        return list(self.core.body.parameters())
+
+
+def _origin(policy: Policy, part: str) -> Origin | None:
+    origin = policy.origin if isinstance(policy, Sandwich) else None
+    return origin if origin is not None and part in origin.core.ensembles else None
