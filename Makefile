@@ -36,6 +36,7 @@ docs: install
 
 bench: install
 	$(BIN)/python -m experiments.bench
+	$(BIN)/python -m experiments.bench_dyna
 
 lock:
 	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

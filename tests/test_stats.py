@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from transferkit.stats import hierarchical_interval, mean_interval
+from transferkit.stats import hierarchical_interval, iqm, iqm_interval, mean_interval
 
 
 def test_the_interval_of_a_mean_is_close_to_the_normal_one_and_repeatable():
@@ -11,6 +11,13 @@ def test_the_interval_of_a_mean_is_close_to_the_normal_one_and_repeatable():
     assert (low, high) == pytest.approx((sample.mean() - half, sample.mean() + half), abs=0.03)
     assert mean_interval(sample) == (low, high)
     assert mean_interval([7.0, 7.0]) == (7.0, 7.0)
+
+
+def test_interquartile_mean():
+    values = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 100.0]
+    assert iqm(values) == pytest.approx((2 + 3 + 4 + 5) / 4)
+    low, high = iqm_interval(values)
+    assert 0 < low < 3.5 < high < 60
 
 
 def test_members_count_as_the_sample_not_episodes():

@@ -8,7 +8,7 @@ from typing import Literal
 
 from transferkit.errors import ConfigError
 
-Algorithm = Literal["ppo", "dyna-ddpg"]
+Algorithm = Literal["ppo", "dyna-ddpg", "dyna-ppo"]
 Preset = Literal["default", "paper"]
 
 
@@ -134,6 +134,8 @@ class DynaConfig:
     """Standard deviation added to actions, of a range of [-1, 1]."""
     noise_correlation: float = 0.0
     """Of that noise from one step to the next; 0 is white."""
+    vary_noise: bool = False
+    """Draw the scale of the noise for each episode, uniformly between 0 and twice `exploration_noise`."""
     target_noise: float = 0.0
     """Standard deviation added to the target's action (Fujimoto et al. 2018 use 0.2)."""
     target_noise_clip: float = 0.5
@@ -184,6 +186,12 @@ class DynaConfig:
     """Transitions per batch and member."""
     model_loss: Literal["likelihood", "squared-error"] = "likelihood"
     """Gaussian with learnt variance, reward and termination; or the next observation alone (the paper)."""
+    ppo_rollouts: int = 64
+    """dyna-ppo: imagined rollouts side by side, `ppo_horizon` steps each for one update of the policy."""
+    ppo_horizon: int = 16
+    """dyna-ppo: steps of an imagined rollout; the critic values what follows."""
+    ppo_updates: int = 10
+    """dyna-ppo: rollouts and updates after each fit of the model."""
     predict: Literal["change", "state"] = "change"
     """What the model predicts of the next observation."""
     normalize_targets: bool = True

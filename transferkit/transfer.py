@@ -248,12 +248,18 @@ def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Stream
 
         train = lambda envs, *rest: ppo.train(policy, envs, config.ppo, *rest)  # noqa: E731
         return _Trainer(train, config.ppo.num_envs)
+    model = make_dynamics(policy, derive_spec(make()), config.dyna, streams.torch("model initialisation"))
+    if config.algo == "dyna-ppo":
+        from transferkit import dyna_ppo  # noqa: PLC0415
+
+        configs = config.ppo, config.dyna
+        train = lambda envs, *rest: dyna_ppo.train(policy, model, envs, configs, *rest)  # noqa: E731
+        return _Trainer(train, parts={"dynamics": model})
     from transferkit import dyna  # noqa: PLC0415
 
     if not policy.squash:
         raise ConfigError("dyna-ddpg needs a policy with bounded actions; build it with wrap(core, env, squash=True)")
     critic = make_critic(policy, config.dyna, streams.torch("critic initialisation"))
-    model = make_dynamics(policy, derive_spec(make()), config.dyna, streams.torch("model initialisation"))
     train = lambda envs, *rest: dyna.train(policy, critic, model, envs, config.dyna, *rest)  # noqa: E731
     return _Trainer(train, 1, config.dyna.overrun_steps, {"critic": critic, "dynamics": model})
 
@@ -266,7 +272,7 @@ def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirect
 
 def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
     if core is not None:
-        options = replace(config.wrap, squash=config.wrap.squash or config.algo != "ppo")
+        options = replace(config.wrap, squash=config.wrap.squash or config.algo == "dyna-ddpg")
         return wrap(core, config.env, config=options, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
     env = make_env(config.env)
     assert env.observation_space.shape is not None
@@ -275,7 +281,7 @@ def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
     env.close()
     generator = Streams(config.seed).torch("policy initialisation")
     ppo, dyna = config.ppo, config.dyna
-    if config.algo == "ppo":
+    if config.algo != "dyna-ddpg":
         architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
         return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
     architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=True)

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 
+import matplotlib.pyplot as plt
 import pytest
 
 from transferkit.cli.main import main
@@ -60,6 +61,21 @@ def test_train_and_eval(capsys, tmp_path):
     assert code == 2
     assert "seed is 0 there and 1 here" in err
     assert run_json(capsys, *command, "--out", out, "--resume") == result
+
+
+@pytest.mark.parametrize("algo", ["dyna-ddpg", "dyna-ppo"])
+def test_train_with_a_model_and_plot(capsys, tmp_path, algo):
+    out = str(tmp_path / "run")
+    small = ["--dyna.updates-per-step", "1", "--dyna.batch-size", "32", "--dyna.model-updates", "5", "--dyna.ppo-updates", "1"]
+    command = ["train", "--env", "InvertedDoublePendulum-v5", "--core", CORE, "--algo", algo, "--steps", "510", "--out", out]
+    result = run_json(capsys, *command, *small, "--eval-episodes", "2")
+    assert (result["algo"], result["steps"]) == (algo, 510)
+    assert (tmp_path / "run/model.csv").read_text().count("\n") == 2
+    picture = run_json(capsys, "plot", out)["picture"]
+    assert plt.imread(picture).std() > 0.01
+    code, _, err = run(capsys, "plot", str(tmp_path))
+    assert code == 2
+    assert "run.json" in err
 
 
 def test_the_paper_preset(capsys, tmp_path):
@@ -119,6 +135,13 @@ def test_mistakes_get_one_line_and_write_nothing(capsys, tmp_path, monkeypatch, 
 
 def python(*code):
     return subprocess.run([sys.executable, *code], capture_output=True, text=True, check=True)
+
+
+def test_a_closed_pipe_is_no_error():
+    process = subprocess.Popen([sys.executable, "-m", "transferkit", "zoo", "list"], stdout=-1, stderr=-1, text=True)
+    process.stdout.close()
+    process.stdout = None
+    assert process.communicate()[1] == ""
 
 
 def test_import_and_listing_load_nothing_heavy():

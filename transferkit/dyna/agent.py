@@ -44,7 +44,7 @@ class Agent:
         self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
         self.noise, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
-        self._last_noise = torch.zeros(1, policy.act_dim, device=device)
+        self._last_noise, self._noise_scale = torch.zeros(1, policy.act_dim, device=device), config.exploration_noise
         self.losses: dict[str, Tensor] = {}
 
     @torch.no_grad()
@@ -54,7 +54,7 @@ class Agent:
             action = torch.rand((1, self.policy.act_dim), generator=self.noise, device=self.device) * 2 - 1
         else:
             mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
-            action = (mean + self.config.exploration_noise * self._next_noise()).clamp(-1.0, 1.0)
+            action = (mean + self._noise_scale * self._next_noise()).clamp(-1.0, 1.0)
         return action.cpu().numpy()
 
     def _next_noise(self) -> Tensor:
@@ -66,10 +66,11 @@ class Agent:
 
     def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Remember a step of the one environment."""
-        fields = observation, action, step.reward, step.final_observation, step.terminated.astype(np.float32)
-        batch = Batch(*(torch.from_numpy(field)[0].to(self.device) for field in fields))
-        self.buffer.add(batch)
-        self.policy.update_normalizer(batch.observation.unsqueeze(0))
+        self.buffer.add_step(observation, action, step)
+        self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
+        if step.done[0] and self.config.vary_noise:
+            draw = torch.rand((), generator=self.noise, device=self.device)
+            self._noise_scale = 2 * self.config.exploration_noise * float(draw)
 
     def learn(self) -> None:
         """The updates that follow one environment step; none before the buffer holds a batch."""
@@ -110,6 +111,7 @@ class Agent:
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
             "last_noise": self._last_noise,
+            "noise_scale": self._noise_scale,
             "losses": self.losses,
         }
 
@@ -122,7 +124,7 @@ class Agent:
         for generator, saved in zip(self._generators(), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
-        self._last_noise = state["last_noise"].to(self.device)
+        self._last_noise, self._noise_scale = state["last_noise"].to(self.device), state["noise_scale"]
         self.losses = dict(state["losses"])
 
     def _batches(self) -> Tensor:

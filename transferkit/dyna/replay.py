@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
+
+from transferkit.envs.vector import Step
 
 FIRST_CAPACITY = 1024
 """Rows allocated at first; doubled when they are full."""
@@ -52,6 +56,11 @@ class ReplayBuffer:
             self._rows = grown
         self._rows[at] = batch.rows()
         self.added += 1
+
+    def add_step(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
+        """Add a step of a single environment, all with a leading axis of one."""
+        fields = observation, action, step.reward, step.final_observation, step.terminated.astype(np.float32)
+        self.add(Batch(*(torch.from_numpy(field)[0].to(self._rows.device) for field in fields)))
 
     def sample(self, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
         """Rows `(*shape, width)` drawn with replacement."""

@@ -43,6 +43,7 @@ class Actor(Model):
         super().__init__()
         self.policy = policy
         self._entropy_bonus = entropy_bonus
+        self.learns_statistics = True
         self.noise = noise
         self.output_distribution_params: tuple[Tensor, Tensor]
 
@@ -71,7 +72,8 @@ class Actor(Model):
 
     def update_normalization(self, obs: Tensor) -> None:
         """Called by rsl_rl after an update with all observations of the rollout."""
-        self.policy.update_normalizer(obs)
+        if self.learns_statistics:
+            self.policy.update_normalizer(obs)
 
 
 class Critic(Model):

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, cast
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol, cast
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from transferkit.config import PPOConfig
-from transferkit.envs.vector import VectorEnv
+from transferkit.envs.vector import Step, VectorEnv
 from transferkit.policy.base import Policy
 from transferkit.ppo.algorithm import PPO
 from transferkit.run.session import Session
 from transferkit.run.streams import Streams
+
+
+class Steppable(Protocol):
+    """Environments side by side, real or imagined."""
+
+    num_envs: int
+
+    def step(self, actions: NDArray[np.float32], count: Callable[[int, float, bool, bool], bool] | None = None, /) -> Step:
+        """Step them all, or the first of them."""
+        ...
 
 
 def train(
@@ -42,7 +52,7 @@ def train(
     while session.progress < 1:
         policy.at_progress(session.progress)
         algorithm.set_learning_rate(session.progress, session.spent.episodes)
-        observation = collect(algorithm, envs, observation, session, config)
+        observation = collect(algorithm, envs, observation, config, session)
         if session.progress < 1 or algorithm.storage.step * envs.num_envs >= config.batch_size:
             algorithm.compute_returns(_tensor(observation, device))
             session.after_update(algorithm.update(), lambda: {"algorithm": algorithm.state(), "envs": envs.state()})
@@ -50,19 +60,22 @@ def train(
 
 @torch.no_grad()
 def collect(
-    algorithm: PPO, envs: VectorEnv, observation: NDArray[np.float32], session: Session, config: PPOConfig
+    algorithm: PPO, envs: Steppable, observation: NDArray[np.float32], config: PPOConfig, session: Session | None = None
 ) -> NDArray[np.float32]:
-    """Fill the storage with one rollout, shorter where the budget ends; returns the observations `(num_envs, obs_dim)`."""
+    """Fill the storage with one rollout; returns the observations after it, `(num_envs, obs_dim)`.
+
+    With a session the steps count against its budget, and the rollout is shorter where that ends.
+    """
     device = algorithm.device
     algorithm.set_collecting(now=True)
     for _ in range(algorithm.storage.num_transitions_per_env):
         action = algorithm.act(cast("Any", _tensor(observation, device)))
-        step = envs.step(action.cpu().numpy(), session.count)
+        step = envs.step(action.cpu().numpy(), session and session.count)
         if len(step.reward) < envs.num_envs:  # the budget ended between two environments
             break
         algorithm.process_step(step)
         observation = step.observation
-        if session.progress >= 1 or (config.rollout == "episode" and step.done[0]):
+        if (session and session.progress >= 1) or (config.rollout == "episode" and step.done[0]):
             break
     return observation
 
