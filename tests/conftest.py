@@ -1,11 +1,12 @@
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
 from transferkit.envs import derive_spec
-from transferkit.nn import Architecture, Normalizer, PolicyNet
+from transferkit.nn import Architecture, Dynamics, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
 from transferkit.policy.core import Core
 from transferkit.run.streams import Streams
 
@@ -33,3 +34,17 @@ def untrained_core(pendulum_spec):
         "normalizer": stack([normalizer.state_dict()] * 2),
     }
     return Core("test-v1", pendulum_spec, architecture, (0, 1), parts)
+
+
+@pytest.fixture
+def core_with_parts(untrained_core):
+    """The untrained core with two critics and a model of three members."""
+    spec, parts, architectures = untrained_core.spec, dict(untrained_core.parts), {}
+    for name, members, outputs in (("critic", 2, 1), ("dynamics", 3, Dynamics.out_dim(spec.obs_dim))):
+        architectures[name] = EnsembleArchitecture(members, spec.obs_dim + spec.act_dim, outputs, (16, 16))
+        ensemble = Ensemble(architectures[name], Streams(3).torch(name)).state_dict()
+        state = {f"ensemble.{key}": tensor for key, tensor in ensemble.items()}
+        if name == "dynamics":
+            state |= {"mean": torch.zeros(spec.obs_dim + 1), "std": torch.ones(spec.obs_dim + 1)}
+        parts[name] = {key: torch.stack((tensor, tensor)) for key, tensor in state.items()}
+    return replace(untrained_core, parts=parts, ensembles=architectures)

@@ -9,12 +9,13 @@ import torch
 from transferkit.config import DYNA_PRESETS, DynaConfig, TrainConfig
 from transferkit.dyna.diagnostics import diagnose
 from transferkit.dyna.replay import Batch, ReplayBuffer
+from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, DivergedError, Interrupted
 from transferkit.nn import Dynamics, Ensemble, EnsembleArchitecture, JointInput
 from transferkit.policy import wrap
-from transferkit.policy.core import Core
 from transferkit.policy.parts import make_critic, make_dynamics
 from transferkit.run.directory import read_table
+from transferkit.run.files import load_state
 from transferkit.run.session import Session
 from transferkit.run.streams import Streams
 from transferkit.transfer import load_parts, load_policy, run_training
@@ -81,21 +82,8 @@ def test_ensemble_members_are_independent():
     assert not torch.equal(ensemble(x)[1], both[1])
 
 
-def full_core(untrained_core):
-    """The untrained core with critics and a model."""
-    spec, parts, architectures = untrained_core.spec, dict(untrained_core.parts), {}
-    for name, members, outputs in (("critic", 2, 1), ("dynamics", 3, Dynamics.out_dim(spec.obs_dim))):
-        architectures[name] = EnsembleArchitecture(members, spec.obs_dim + spec.act_dim, outputs, (16, 16))
-        ensemble = Ensemble(architectures[name], Streams(3).torch(name)).state_dict()
-        state = {f"ensemble.{key}": tensor for key, tensor in ensemble.items()}
-        if name == "dynamics":
-            state |= {"mean": torch.zeros(spec.obs_dim + 1), "std": torch.ones(spec.obs_dim + 1)}
-        parts[name] = {key: torch.stack((tensor, tensor)) for key, tensor in state.items()}
-    return replace(untrained_core, parts=parts, ensembles=architectures)
-
-
-def test_a_wrapped_critic_on_its_own_source_is_the_cores(untrained_core):
-    core: Core = full_core(untrained_core)
+def test_a_wrapped_critic_on_its_own_source_is_the_cores(core_with_parts):
+    core = core_with_parts
     policy = wrap(core, core.spec, squash=True)
     critic = make_critic(policy, DynaConfig(critics=2), Streams(0).torch("test"))
     observation, action = torch.randn(7, 4, generator=Streams(0).torch("x")), torch.full((7, 1), 0.3)
@@ -104,27 +92,15 @@ def test_a_wrapped_critic_on_its_own_source_is_the_cores(untrained_core):
     assert isinstance(fresh.ensemble, Ensemble)
 
 
-def test_wrapped_parts_train_on_another_robot(untrained_core, tmp_path, monkeypatch):
-    core = full_core(untrained_core)
+def test_wrapped_parts_train_on_another_robot(core_with_parts, tmp_path, monkeypatch):
+    core = core_with_parts
     monkeypatch.setattr("transferkit.transfer.load_core", lambda _: core)
     config = replace(SMALL, core="test-v1", dyna=replace(TINY, model_members=3), steps=400)
-    before = make_dynamics(wrap(core, IDP, squash=True), wrap_spec(IDP), config.dyna, Streams(0).torch("x")).state_dict()
+    before = make_dynamics(wrap(core, IDP, squash=True), derive_spec(IDP), config.dyna, Streams(0).torch("x")).state_dict()
     run_training(config, out=tmp_path / "run")
-    saved = load_parts_raw(tmp_path / "run")["dynamics"]["weights"]
+    saved = load_state(tmp_path / "run/policy.safetensors")["parts"]["dynamics"]["weights"]
     assert saved.keys() == before.keys()
     assert not torch.equal(saved["ensemble.core.body.0.weight"], before["ensemble.core.body.0.weight"])
-
-
-def wrap_spec(env):
-    from transferkit.envs import derive_spec
-
-    return derive_spec(env)
-
-
-def load_parts_raw(run):
-    from transferkit.run.files import load_state
-
-    return load_state(run / "policy.safetensors")["parts"]
 
 
 def test_an_unbounded_policy_is_refused(untrained_core, tmp_path):

@@ -1,5 +1,6 @@
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 import safetensors.torch
@@ -7,7 +8,7 @@ import torch
 
 from transferkit import load_core
 from transferkit.errors import ArtifactError, ConfigError, UnknownNameError
-from transferkit.zoo.artifact import save_core
+from transferkit.zoo.artifact import ensemble_part, normalizer_part, policy_part, save_core
 from transferkit.zoo.card import digest, read_card
 from transferkit.zoo.catalog import core_folders
 from transferkit.zoo.readme import render
@@ -108,15 +109,21 @@ def test_unknown_cores_and_members():
         load_core("inverted-pendulum-v1").network(5)
 
 
-def test_parts_that_come_later_fit_the_schema(untrained_core, tmp_path):
-    """A critic part written under today's schema is loaded beside the policy."""
-    from dataclasses import replace
-
-    from transferkit.zoo.card import Part
-
+def test_critics_and_models_make_the_round_trip(core_with_parts, tmp_path):
     card = read_card(CORES["inverted-pendulum-v1"])
-    core = replace(load_core("inverted-pendulum-v1"), id="x-v1")
-    core = replace(core, parts={**core.parts, "critic": {"head.weight": torch.zeros(5, 1, 64)}})
-    critic = Part("critic", {"hidden": [64]}, ("body.0.weight",), ())
-    save_core(core, replace(card, id="x-v1", parts={**card.parts, "critic": critic}), tmp_path / "x-v1")
-    assert load_core(tmp_path / "x-v1").parts["critic"]["head.weight"].shape == (5, 1, 64)
+    parts = {
+        "policy": policy_part(core_with_parts.architecture),
+        "normalizer": normalizer_part(4),
+        **{name: ensemble_part(name, architecture) for name, architecture in core_with_parts.ensembles.items()},
+    }
+    folder = tmp_path / "test-v1"
+    two = {"seeds": (0, 1), "spent": card.spent[:2], "score": replace(card.score, members=card.score.members[:2])}
+    save_core(core_with_parts, replace(card, id="test-v1", parts=parts, **two), folder)
+    core = load_core(folder)
+    assert core.ensembles == core_with_parts.ensembles
+    assert verify(folder)["probe"] == 0
+    observation, action = torch.ones(3, 4), torch.zeros(3, 1)
+    assert torch.equal(core.critic(1)(observation, action), core_with_parts.critic(1)(observation, action))
+    assert core.dynamics(0).predict(observation, action).next_observation.shape == (3, 3, 4)
+    with pytest.raises(ConfigError, match="has no critic"):
+        load_core("inverted-pendulum-v1").critic()

@@ -48,15 +48,15 @@ def load_core(name: str | Path) -> Core:
         )
     if "policy" not in parts:
         raise ArtifactError(f"core {card.id} has no policy part; write it again with `transferkit pretrain`")
-    architecture = Architecture.from_json(card.parts["policy"].architecture)
-    ensembles = {k: EnsembleArchitecture.from_json(card.parts[k].architecture) for k in ENSEMBLES if k in parts}
-    core = Core(card.id, card.source, architecture, card.seeds, parts, str(card.to_json()["digest"]), ensembles)
     try:
+        architecture = Architecture.from_json(card.parts["policy"].architecture)
+        ensembles = {k: EnsembleArchitecture.from_json(card.parts[k].architecture) for k in ENSEMBLES if k in parts}
+        core = Core(card.id, card.source, architecture, card.seeds, parts, str(card.to_json()["digest"]), ensembles)
         for member in range(len(card.seeds)):
             core.policy(member)
             for part in ensembles:
                 getattr(core, part)(member)
-    except RuntimeError as error:  # torch's message lists every tensor that does not fit, on many lines
+    except (KeyError, TypeError, RuntimeError) as error:  # torch's message lists every tensor that does not fit, on many lines
         reason = " ".join(str(error).split())[:200]
         raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})") from None
     return core
