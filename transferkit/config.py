@@ -119,25 +119,24 @@ class DynaConfig:
     """Adam step size; parts of a wrapped policy scale it."""
     critic_learning_rate: float = 3e-4
     """Adam step size of the critics."""
+    schedule: Literal["fixed", "linear"] = "fixed"
+    """Learning rates of actor and critics over the run: fixed, or linear to zero."""
     gamma: float = 0.99
     """Discount per step."""
     tau: float = 0.1
-    """Share of the networks that the target networks take over after each environment step: 20 updates of 0.005 (Lillicrap
-    et al. 2016) in one, so that the targets of a step are computed at once."""
+    """Share of the networks that the target networks take over after each environment step, so that the targets of a step are
+    computed at once. 0.02 an update is four times that of Lillicrap et al. 2016: normalised critics bear it."""
     batch_size: int = 128
     """Transitions per update."""
-    updates_per_step: int = 20
-    """Critic updates per environment step (Chen et al. 2021)."""
+    updates_per_step: int = 5
+    """Critic updates per environment step (Chen et al. 2021 take 20; measured in docs/evidence.md)."""
     actor_every: int = 2
     """Critic updates per actor update (Fujimoto et al. 2018)."""
-    exploration_noise: float = 0.1
+    exploration_noise: float = 0.2
     """Standard deviation added to actions, of a range of [-1, 1]."""
-    noise_correlation: float = 0.0
-    """Of that noise from one step to the next; 0 is white."""
-    vary_noise: bool = False
-    """Draw the scale of the noise for each episode, uniformly between 0 and twice `exploration_noise`."""
-    target_noise: float = 0.0
-    """Standard deviation added to the target's action (Fujimoto et al. 2018 use 0.2)."""
+    target_noise: float = 0.2
+    """Standard deviation added to the target's action (Fujimoto et al. 2018): as much as when exploring, so that the critics
+    value the policy that acts."""
     target_noise_clip: float = 0.5
     """Limit of that noise."""
     random_steps: int = 100
@@ -232,6 +231,7 @@ DYNA_PRESETS: dict[Preset, DynaConfig] = {
         actor_every=11,
         tau=0.005,
         exploration_noise=0.0,
+        target_noise=0.0,
         random_steps=0,
         overrun_steps=128,
         reward_scale=1.0,

@@ -44,7 +44,6 @@ class Agent:
         self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
         self.noise, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
-        self._last_noise, self._noise_scale = torch.zeros(1, policy.act_dim, device=device), config.exploration_noise
         self.losses: dict[str, Tensor] = {}
 
     @torch.no_grad()
@@ -54,23 +53,14 @@ class Agent:
             action = torch.rand((1, self.policy.act_dim), generator=self.noise, device=self.device) * 2 - 1
         else:
             mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
-            action = (mean + self._noise_scale * self._next_noise()).clamp(-1.0, 1.0)
+            noise = torch.randn(mean.shape, generator=self.noise, device=self.device)
+            action = (mean + self.config.exploration_noise * noise).clamp(-1.0, 1.0)
         return action.cpu().numpy()
-
-    def _next_noise(self) -> Tensor:
-        """Standard normal, correlated over time (an Ornstein-Uhlenbeck process, Lillicrap et al. 2016)."""
-        correlation = self.config.noise_correlation
-        white = torch.randn(self._last_noise.shape, generator=self.noise, device=self.device)
-        self._last_noise = correlation * self._last_noise + (1 - correlation**2) ** 0.5 * white
-        return self._last_noise
 
     def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Remember a step of the one environment."""
         self.buffer.add_step(observation, action, step)
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
-        if step.done[0] and self.config.vary_noise:
-            draw = torch.rand((), generator=self.noise, device=self.device)
-            self._noise_scale = 2 * self.config.exploration_noise * float(draw)
 
     def learn(self) -> None:
         """The updates that follow one environment step; none before the buffer holds a batch."""
@@ -99,6 +89,15 @@ class Agent:
         rewards = self.buffer.all().reward.abs()
         return self.config.reward_scale * float(rewards.max()) / (1 - self.config.gamma)
 
+    def set_progress(self, progress: float) -> None:
+        """Freeze, unfreeze and slow down for a run that has used this share of its budget."""
+        self.policy.at_progress(progress)
+        factor = 1 - progress if self.config.schedule == "linear" else 1.0
+        rates = self.config.actor_learning_rate, self.config.critic_learning_rate
+        for optimizer, rate in zip((self.actor_optimizer, self.critic_optimizer), rates, strict=True):
+            for group in optimizer.param_groups:
+                group["lr"] = rate * factor
+
     def metrics(self) -> dict[str, float]:
         """The latest losses."""
         return {name: float(loss) for name, loss in self.losses.items()}
@@ -110,8 +109,6 @@ class Agent:
             "optimizers": [optimizer.state_dict() for optimizer in self._optimizers()],
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
-            "last_noise": self._last_noise,
-            "noise_scale": self._noise_scale,
             "losses": self.losses,
         }
 
@@ -124,7 +121,6 @@ class Agent:
         for generator, saved in zip(self._generators(), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
-        self._last_noise, self._noise_scale = state["last_noise"].to(self.device), state["noise_scale"]
         self.losses = dict(state["losses"])
 
     def _batches(self) -> Tensor:
