@@ -7,10 +7,10 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import csv
 import itertools
 import multiprocessing
-import typing
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from transferkit import stats
-from transferkit.config import DYNA_PRESETS, DynaConfig, TrainConfig, preset
+from transferkit.config import DYNA_PRESETS, TrainConfig, preset
 from transferkit.envs import make_env
 from transferkit.run.directory import read_json, read_table
 from transferkit.transfer import load_policy, run_training
@@ -45,6 +45,8 @@ COLUMNS = (
     "mujoco",
     "torch",
 )
+CURVES = RESULTS.with_name("dyna_curves.csv")
+CURVE_COLUMNS = ("label", "algo", "env", "seed", "episodes", "steps", "seconds", "return_mean")
 SOLVED = {"InvertedDoublePendulum-v5": 9000.0}
 """Evaluation return from which on a collapse is looked for."""
 
@@ -66,8 +68,10 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--summary", action="store_true")
     options = parser.parse_args()
-    known = {(row["label"], row["algo"], row["env"], row["seed"]) for row in rows()}
-    jobs = [seed for seed in options.seeds if (options.label, options.algo, options.env, str(seed)) not in known]
+    names = "label", "algo", "preset", "env", "seed"
+    known = {tuple(row[name] for name in names) for row in rows()}
+    which = options.label, options.algo, options.preset, options.env
+    jobs = [seed for seed in options.seeds if (*which, str(seed)) not in known]
     with ProcessPoolExecutor(options.workers, multiprocessing.get_context("spawn")) as pool:
         for done in as_completed([pool.submit(run, options, seed) for seed in jobs]):
             add(done.result())
@@ -88,6 +92,7 @@ def run(options: argparse.Namespace, seed: int) -> dict:
     after = [row["return_mean"] for row in evaluations if solved and row["steps"] >= solved[0]["steps"]]
     return result | {
         "label": options.label,
+        "curve": evaluations,
         "first_solved_steps": int(solved[0]["steps"]) if solved else "",
         "worst_after": round(min(after), 1) if after else "",
         "last_50_mean": round(float(np.mean([row["return"] for row in episodes[-50:]])), 2),
@@ -98,10 +103,12 @@ def run(options: argparse.Namespace, seed: int) -> dict:
 
 
 def setting(text: str) -> tuple[str, object]:
-    """`FIELD=VALUE` with the value in the field's type."""
+    """`FIELD=VALUE`, the value as Python reads it, or as it stands."""
     name, _, value = text.partition("=")
-    kind = typing.get_type_hints(DynaConfig)[name]
-    return name, value == "True" if kind is bool else kind(value)
+    try:
+        return name, ast.literal_eval(value)
+    except (SyntaxError, ValueError):
+        return name, value
 
 
 def forward_speed(out: Path, env_id: str) -> float | str:
@@ -125,13 +132,20 @@ def rows() -> list[dict]:
 
 
 def add(row: dict) -> None:
-    """Append a row."""
-    new = not RESULTS.exists()
-    with RESULTS.open("a", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, extrasaction="ignore", lineterminator="\n")
-        if new:
+    """Append a run, and its evaluations during training."""
+    which = {name: row[name] for name in ("label", "algo", "env", "seed")}
+    append(CURVES, CURVE_COLUMNS, [{**point, **which, "return_mean": round(point["return_mean"], 1)} for point in row["curve"]])
+    append(RESULTS, COLUMNS, [row])
+
+
+def append(path: Path, columns: tuple[str, ...], new: list[dict]) -> None:
+    """Add rows to a table."""
+    empty = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
+        if empty:
             writer.writeheader()
-        writer.writerow(row)
+        writer.writerows(new)
 
 
 def summarise() -> None:

@@ -110,7 +110,7 @@ class DynaConfig:
     hidden: tuple[int, ...] = (128, 128)
     """Hidden layers of the policy that is trained from scratch, and of the critics."""
     activation: Literal["tanh", "relu", "elu"] = "relu"
-    """Activation of all networks."""
+    """Activation of the policy; critics and model take rectified units."""
     layer_norm: bool = True
     """Normalise the layers of critics and model (Hiraoka et al. 2022: what makes many updates a step stable)."""
     critics: int = 2
@@ -119,28 +119,32 @@ class DynaConfig:
     """Adam step size; parts of a wrapped policy scale it."""
     critic_learning_rate: float = 3e-4
     """Adam step size of the critics."""
-    schedule: Literal["fixed", "linear"] = "fixed"
+    schedule: Literal["fixed", "linear"] = "linear"
     """Learning rates of actor and critics over the run: fixed, or linear to zero."""
     gamma: float = 0.99
     """Discount per step."""
     tau: float = 0.1
     """Share of the networks that the target networks take over after each environment step, so that the targets of a step are
-    computed at once. 0.02 an update is four times that of Lillicrap et al. 2016: normalised critics bear it."""
+    computed at once; 0.02 an update, where Fujimoto et al. 2018 take 0.005: normalised critics bear it."""
     batch_size: int = 128
     """Transitions per update."""
     updates_per_step: int = 5
-    """Critic updates per environment step (Chen et al. 2021 take 20; measured in docs/evidence.md)."""
+    """Critic updates per environment step (Chen et al. 2021 take 20)."""
     actor_every: int = 2
     """Critic updates per actor update (Fujimoto et al. 2018)."""
     exploration_noise: float = 0.2
     """Standard deviation added to actions, of a range of [-1, 1]."""
+    noise_correlation: float = 0.5
+    """Of that noise from one step to the next (an Ornstein-Uhlenbeck process, Lillicrap et al. 2016); 0 is white."""
     target_noise: float = 0.2
     """Standard deviation added to the target's action (Fujimoto et al. 2018): as much as when exploring, so that the critics
     value the policy that acts."""
     target_noise_clip: float = 0.5
     """Limit of that noise."""
     random_steps: int = 100
-    """First steps, of uniform actions."""
+    """First steps, of noise alone; they last at least to the end of the first episode. 0 for none."""
+    random_correlation: float = 0.9
+    """Of that noise from one step to the next."""
     learning_starts: int = 0
     """First steps without updates; in any case until a batch is there."""
     overrun_steps: int = 0
@@ -197,28 +201,42 @@ class DynaConfig:
     """Predict in units of the targets' own deviations."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "critics",
-            "batch_size",
-            "updates_per_step",
-            "actor_every",
-            "horizon",
-            "model_members",
-            "model_every",
-            "model_updates",
-            "model_batch_size",
-            "buffer_size",
-        ):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name}={getattr(self, name)} must be at least 1; pass --dyna.{name.replace('_', '-')}")
-        for name in ("actor_learning_rate", "critic_learning_rate", "model_learning_rate", "tau", "keep_share"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ConfigError(
-                    f"{name}={getattr(self, name)} must lie between 0 and 1; pass --dyna.{name.replace('_', '-')}"
-                )
-        if not 0 <= self.model_share <= 1:
-            raise ConfigError(f"model_share={self.model_share} must lie between 0 and 1; pass --dyna.model-share")
+        for name, value in vars(self).items():
+            flag = f"pass --dyna.{name.replace('_', '-')}"
+            if name in AT_LEAST_ONE and value < 1:
+                raise ConfigError(f"{name}={value} must be at least 1; {flag}")
+            if name in SHARES and not 0 <= value <= 1:
+                raise ConfigError(f"{name}={value} must lie between 0 and 1; {flag}")
+            if name in RATES and not 0 < value <= 1:
+                raise ConfigError(f"{name}={value} must be above 0 and at most 1; {flag}")
+            if name in ("exploration_noise", "target_noise", "random_steps") and value < 0:
+                raise ConfigError(f"{name}={value} must not be negative; {flag}")
+        if self.gamma >= 1:
+            raise ConfigError(f"gamma={self.gamma} must be below 1; pass --dyna.gamma")
+        if self.model_loss == "squared-error" and (self.planned_reward == "learned" or self.planned_termination):
+            raise ConfigError(
+                "model_loss='squared-error' learns neither rewards nor terminations; pass --dyna.planned-reward minus-norm "
+                "--dyna.no-planned-termination with it, or --dyna.model-loss likelihood"
+            )
 
+
+AT_LEAST_ONE = (
+    "critics",
+    "batch_size",
+    "updates_per_step",
+    "actor_every",
+    "horizon",
+    "model_members",
+    "model_every",
+    "model_updates",
+    "model_batch_size",
+    "buffer_size",
+    "ppo_rollouts",
+    "ppo_horizon",
+    "ppo_updates",
+)
+SHARES = ("gamma", "noise_correlation", "random_correlation", "model_share")
+RATES = ("actor_learning_rate", "critic_learning_rate", "model_learning_rate", "tau", "keep_share")
 
 DYNA_PRESETS: dict[Preset, DynaConfig] = {
     "default": DynaConfig(),
@@ -227,6 +245,7 @@ DYNA_PRESETS: dict[Preset, DynaConfig] = {
         layer_norm=False,
         critics=1,
         critic_learning_rate=1e-3,
+        schedule="fixed",
         updates_per_step=11,
         actor_every=11,
         tau=0.005,
@@ -336,6 +355,8 @@ class TrainConfig:
     def __post_init__(self) -> None:
         if self.eval_episodes < 1 or self.eval_every < 0:
             raise ConfigError(f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0")
+        if self.algo == "dyna-ppo" and self.dyna.model_loss != "likelihood":
+            raise ConfigError("dyna-ppo needs a model that learns rewards; the paper has no code for it: use --preset default")
 
 
 def preset(config: TrainConfig, name: Preset) -> TrainConfig:

@@ -17,10 +17,11 @@ from numpy.typing import NDArray
 from transferkit import dyna, ppo
 from transferkit.config import DynaConfig, PPOConfig
 from transferkit.envs.vector import VectorEnv
+from transferkit.errors import ConfigError
 from transferkit.nn import Dynamics
 from transferkit.nn.optimizer import PartAdam
 from transferkit.policy.base import Policy
-from transferkit.policy.parts import learning_parts
+from transferkit.policy.parts import learning_parts, thaw
 from transferkit.run.session import Session
 from transferkit.run.streams import Streams
 
@@ -103,10 +104,11 @@ def train(
     streams: Streams,
     device: torch.device,
     resume_from: Mapping[str, Any] | None = None,
-) -> None:
-    """Train the policy and its model in place until the session's budget is reached.
+) -> dict[str, Dynamics]:
+    """Train the policy and its model in place until the session's budget is reached; returns the model.
 
     Raises:
+        ConfigError: the budget ends before the model is fitted once, so that nothing would be learnt.
         NotFiniteError: NaN from an environment or in a loss.
         Interrupted: a signal came; the state is on disk.
     """
@@ -126,5 +128,12 @@ def train(
             if learner.fitted:
                 session.directory.append("model", {"steps": session.spent.steps, **dyna.diagnose(model, learner.buffer)})
             policy.at_progress(session.progress)
+            thaw(model, policy, session.progress)
             metrics = learner.learn(session.progress, session.spent.episodes)
             session.after_update(metrics, lambda: {"learner": learner.state(), "envs": envs.state()})
+    if not learner.fitted:
+        raise ConfigError(
+            f"the budget ended after {session.spent.steps} steps, before dyna-ppo learnt anything: it learns every "
+            f"{learner.config.model_every}; give it more steps, or pass a smaller --dyna.model-every"
+        )
+    return {"dynamics": model}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from transferkit.errors import RunDirectoryError
+from transferkit.errors import ConfigError, RunDirectoryError
 from transferkit.run.directory import read_json, read_table
 
 WINDOW = 20
@@ -37,8 +37,7 @@ def draw_learning_curves(runs: Mapping[str, Path], title: str, path: Path, *, ze
     axes[0].set_title(title)
     axes[1].set_title("" if zero_action is None else "dotted: zero action")
     axes[0].legend()
-    figure.savefig(path, dpi=110)
-    pyplot.close(figure)
+    _save(figure, path)
 
 
 def draw_run(run: Path, path: Path) -> None:
@@ -62,8 +61,19 @@ def draw_run(run: Path, path: Path) -> None:
     if model:
         axes[0][2].set_axis_off()
         _draw_model(axes[1], model)
-    figure.savefig(path, dpi=110)
-    pyplot.close(figure)
+    _save(figure, path)
+
+
+def _save(figure: Any, path: Path) -> None:  # noqa: ANN401 - matplotlib's
+    kinds = figure.canvas.get_supported_filetypes()
+    if path.suffix[1:] not in kinds:
+        raise ConfigError(f"cannot draw {path}: unknown kind '{path.suffix}'; pass --out with .{', .'.join(sorted(kinds))}")
+    try:
+        figure.savefig(path, dpi=110)
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}; pass --out with a path in a folder that exists") from None
+    finally:
+        _pyplot().close(figure)
 
 
 def _draw_returns(axes: Sequence[Any], run: Path, label: str, colour: str) -> None:

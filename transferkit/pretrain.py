@@ -68,6 +68,8 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
     """
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch; leave out --core")
+    if config.algo != "ppo" and config.dyna.predict == "state":
+        raise ConfigError("the model of a core predicts changes; pass --dyna.predict change, or --preset default")
     folder = recipe.zoo / recipe.id
     if folder.exists():
         raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +145,11 @@ def load_policy(run_dir: str | Path) -> Policy:
 def load_parts(run_dir: str | Path) -> dict[str, tuple[EnsembleArchitecture, dict[str, torch.Tensor]]]:
     """What a finished run trained from scratch beside its policy: `critic` and `dynamics`, or nothing."""
     saved = load_state(Path(run_dir) / POLICY)["parts"]
-    return {name: (EnsembleArchitecture.from_json(part["architecture"]), part["weights"]) for name, part in saved.items()}
+    return {
+        name: (EnsembleArchitecture.from_json(part["architecture"]), part["weights"])
+        for name, part in saved.items()
+        if part["architecture"]
+    }
 
 
 def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
@@ -180,6 +184,11 @@ def _execute(
     policy = make_policy()
     first = make()
     _check_dims(policy, first, config.env)
+    if config.algo == "dyna-ddpg" and not policy.squash:
+        raise ConfigError(
+            "dyna-ddpg needs a policy with bounded actions; build it with wrap(core, env, squash=True), which the paper's sandwich "
+            "does not have (--wrap.structure default)"
+        )
     out = out or default_directory(config)
     record = {**asdict(config), "policy": policy.blueprint(), "core_digest": core.digest if core else None}
     directory, state = _open(out, record, resume=resume)
@@ -205,12 +214,12 @@ def _execute(
         if state is not None:
             session.restore(state["session"])
         with session.running():
-            trainer.train(envs, session, streams, device, state and state["trainer"])
+            parts = trainer.train(envs, session, streams, device, state and state["trainer"])
             scores = session.evaluate()
         envs.close()
         weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
-        parts = {name: _part_state(part) for name, part in trainer.parts.items()}
-        directory.save_policy({"blueprint": policy.blueprint(), "weights": weights, "parts": parts})
+        beside = {name: _part_state(part) for name, part in parts.items()}
+        directory.save_policy({"blueprint": policy.blueprint(), "weights": weights, "parts": beside})
         result = _result(config, core, session, scores, directory)
         directory.finish(asdict(result))
         return result
@@ -235,11 +244,10 @@ def _as_saved(policy: Policy) -> Policy:
 
 @dataclass(frozen=True)
 class _Trainer:
-    train: Callable[..., None]
+    train: Callable[..., Mapping[str, Critic | Dynamics]]
+    """Returns what it trained beside the policy."""
     num_envs: int = 1
     overrun_steps: int = 0
-    parts: Mapping[str, Critic | Dynamics] = field(default_factory=dict)
-    """What is trained beside the policy."""
 
 
 def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Streams) -> _Trainer:
@@ -254,14 +262,12 @@ def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Stream
 
         configs = config.ppo, config.dyna
         train = lambda envs, *rest: dyna_ppo.train(policy, model, envs, configs, *rest)  # noqa: E731
-        return _Trainer(train, parts={"dynamics": model})
+        return _Trainer(train)
     from transferkit import dyna  # noqa: PLC0415
 
-    if not policy.squash:
-        raise ConfigError("dyna-ddpg needs a policy with bounded actions; build it with wrap(core, env, squash=True)")
     critic = make_critic(policy, config.dyna, streams.torch("critic initialisation"))
     train = lambda envs, *rest: dyna.train(policy, critic, model, envs, config.dyna, *rest)  # noqa: E731
-    return _Trainer(train, 1, config.dyna.overrun_steps, {"critic": critic, "dynamics": model})
+    return _Trainer(train, 1, config.dyna.overrun_steps)
 
 
 def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:

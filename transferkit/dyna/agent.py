@@ -20,8 +20,11 @@ from transferkit.nn.critic import Critic
 from transferkit.nn.dynamics import Dynamics
 from transferkit.nn.optimizer import Part, PartAdam, flatten
 from transferkit.policy.base import Policy
-from transferkit.policy.parts import learning_parts
+from transferkit.policy.parts import learning_parts, thaw
 from transferkit.run.streams import Streams
+
+LONGEST_WARM_UP = 10
+"""Times `random_steps`."""
 
 M = TypeVar("M", bound=nn.Module)
 
@@ -42,25 +45,34 @@ class Agent:
         self._targets = [flatten(g.parameters) for g in self.target_policy.parameter_groups()]
         self._targets += [flatten(part.parameters) for part in learning_parts(self.target_critic, policy)]
         self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
-        self.noise, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
+        self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
+        self._noise, self._warming_up = torch.zeros(1, policy.act_dim, device=device), config.random_steps > 0
         self.losses: dict[str, Tensor] = {}
 
     @torch.no_grad()
     def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions `(1, act_dim)`: uniform at first, then the policy's with Gaussian noise."""
-        if self.buffer.added < self.config.random_steps:
-            action = torch.rand((1, self.policy.act_dim), generator=self.noise, device=self.device) * 2 - 1
-        else:
-            mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
-            noise = torch.randn(mean.shape, generator=self.noise, device=self.device)
-            action = (mean + self.config.exploration_noise * noise).clamp(-1.0, 1.0)
-        return action.cpu().numpy()
+        """Actions `(1, act_dim)`: noise alone at first, then the policy's with noise.
+
+        The noise is correlated over time, an Ornstein-Uhlenbeck process (Lillicrap et al. 2016), to move what has inertia.
+        """
+        config, warming_up = self.config, self._warming_up
+        correlation = config.random_correlation if warming_up else config.noise_correlation
+        white = torch.randn(self._noise.shape, generator=self.exploration, device=self.device)
+        self._noise = correlation * self._noise + (1 - correlation**2) ** 0.5 * white
+        if warming_up:
+            return self._noise.clamp(-1.0, 1.0).cpu().numpy()
+        mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
+        return (mean + config.exploration_noise * self._noise).clamp(-1.0, 1.0).cpu().numpy()
 
     def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Remember a step of the one environment."""
         self.buffer.add_step(observation, action, step)
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
+        # To the end of an episode, but not for ever where episodes do not end.
+        past = self.buffer.added / max(self.config.random_steps, 1)
+        if (step.done[0] and past >= 1) or past >= LONGEST_WARM_UP:
+            self._warming_up = False
 
     def learn(self) -> None:
         """The updates that follow one environment step; none before the buffer holds a batch."""
@@ -73,7 +85,7 @@ class Agent:
         targets = td_target(self.target_policy, self.target_critic, batch, self._target_noise(batch), config)
         for k in range(config.updates_per_step):
             self._update_critic(batch.observation[k], batch.action[k], targets[k])
-            if k % config.actor_every == 0:
+            if (self.buffer.added * config.updates_per_step + k) % config.actor_every == 0:
                 self._update_actor(batch.observation[k])
         with torch.no_grad():
             torch._foreach_lerp_(self._targets, self._online, config.tau)
@@ -85,13 +97,19 @@ class Agent:
 
     @property
     def largest_return(self) -> float:
-        """No discounted sum of the rewards seen can be larger, in the critic's scale."""
-        rewards = self.buffer.all().reward.abs()
-        return self.config.reward_scale * float(rewards.max()) / (1 - self.config.gamma)
+        """No discounted sum of rewards can be larger, in the critic's scale; at least 1, for values before any reward."""
+        seen, config = self.buffer.all(), self.config
+        largest = float(seen.reward.abs().max())
+        if config.model_share and config.planned_reward == "minus-norm":
+            largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
+        return max(1.0, config.reward_scale * largest / (1 - config.gamma))
 
     def set_progress(self, progress: float) -> None:
         """Freeze, unfreeze and slow down for a run that has used this share of its budget."""
+        self._progress = progress
         self.policy.at_progress(progress)
+        for part in (self.critic, self.model):
+            thaw(part, self.policy, progress)
         factor = 1 - progress if self.config.schedule == "linear" else 1.0
         rates = self.config.actor_learning_rate, self.config.critic_learning_rate
         for optimizer, rate in zip((self.actor_optimizer, self.critic_optimizer), rates, strict=True):
@@ -109,6 +127,8 @@ class Agent:
             "optimizers": [optimizer.state_dict() for optimizer in self._optimizers()],
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
+            "noise": self._noise,
+            "warming_up": self._warming_up,
             "losses": self.losses,
         }
 
@@ -121,6 +141,7 @@ class Agent:
         for generator, saved in zip(self._generators(), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
+        self._noise, self._warming_up = state["noise"].to(self.device), state["warming_up"]
         self.losses = dict(state["losses"])
 
     def _batches(self) -> Tensor:
@@ -153,10 +174,11 @@ class Agent:
     def _update_actor(self, observation: Tensor) -> None:
         self.critic.requires_grad_(requires_grad=False)  # its own gradients would cost a third of the backward pass
         loss = actor_loss(self.policy, self.critic, observation)
-        self.actor_optimizer.zero_grad()
-        loss.backward()
-        self.actor_optimizer.step()
-        self.critic.requires_grad_(requires_grad=True)
+        if loss.requires_grad:  # not while every part that shapes the action is frozen
+            self.actor_optimizer.zero_grad()
+            loss.backward()
+            self.actor_optimizer.step()
+        thaw(self.critic, self.policy, self._progress)
         self.losses["actor"] = loss.detach()
 
     def _modules(self) -> dict[str, nn.Module]:
@@ -167,7 +189,7 @@ class Agent:
         return self.actor_optimizer, self.critic_optimizer, self.model_optimizer
 
     def _generators(self) -> tuple[torch.Generator, ...]:
-        return self.noise, self.batches, self.imagination
+        return self.exploration, self.batches, self.imagination
 
     def _copy(self, module: M) -> M:
         """A target network; it shares the normaliser, whose statistics are not learnt."""

@@ -23,7 +23,7 @@ def diagnose(model: Dynamics, buffer: ReplayBuffer) -> dict[str, float]:
     `error_k` is the root mean square error of the observation after k steps, in units of the observation's standard
     deviation over the buffer; NaN where no k consecutive transitions lie within an episode. `reward_error` is a mean absolute
     one in units of the reward's deviation. `terminations_found` is the share of real terminations that were predicted, NaN
-    where there were none.
+    where there were none. With `model_every` below `EVERY` the model has seen a part of them.
     """
     recent, everything = buffer.recent(EVERY), buffer.all()
     scale = everything.observation.std(0).clamp(min=1e-6)
@@ -52,5 +52,8 @@ def _open_loop_error(model: Dynamics, batch: Batch, scale: Tensor, k: int) -> fl
 def _starts(batch: Batch, k: int) -> Tensor:
     """Indices from which `k` transitions follow one another without a reset."""
     joined = (batch.observation[1:] == batch.next_observation[:-1]).all(-1)
-    windows = joined.unfold(0, k - 1, 1).all(-1) if k > 1 else torch.ones(len(batch.reward), dtype=torch.bool)
-    return torch.nonzero(windows).squeeze(-1)
+    if k == 1:
+        return torch.arange(len(batch.reward), device=joined.device)
+    if len(joined) < k - 1:
+        return torch.arange(0, device=joined.device)
+    return torch.nonzero(joined.unfold(0, k - 1, 1).all(-1)).squeeze(-1)

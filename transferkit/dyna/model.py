@@ -26,7 +26,7 @@ MIN_GAIN = 0.01
 def fit(model: Dynamics, optimizer: PartAdam, buffer: ReplayBuffer, config: DynaConfig, generator: torch.Generator) -> float:
     """Train at most `model_updates` batches, less once the held-out loss no longer falls; returns the last loss.
 
-    Each member learns from batches of its own. The split is by the age of a transition, so that one that was held out stays so.
+    Each member learns from batches of its own. What is held out stays so as long as it is remembered.
     """
     data = buffer.all()
     if config.normalize_targets:
@@ -41,7 +41,8 @@ def fit(model: Dynamics, optimizer: PartAdam, buffer: ReplayBuffer, config: Dyna
             if current > best - MIN_GAIN * abs(best) and update:
                 break
             best = current
-        rows = training[torch.randint(len(training), (config.model_members, config.model_batch_size), generator=generator)]
+        shape = config.model_members, config.model_batch_size
+        rows = training[torch.randint(len(training), shape, generator=generator, device=training.device)]
         optimizer.zero_grad()
         loss = _loss(model, _rows(data, rows), config)
         loss.backward()

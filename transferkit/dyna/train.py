@@ -35,8 +35,10 @@ def train(
     streams: Streams,
     device: torch.device,
     resume_from: Mapping[str, Any] | None = None,
-) -> None:
+) -> dict[str, Critic | Dynamics]:
     """Train the policy, its critic and its model in place until the session's budget is reached.
+
+    Returns the critic, and the model if it was fitted.
 
     Raises:
         NotFiniteError: NaN from an environment or in a loss.
@@ -62,6 +64,7 @@ def train(
             agent.set_progress(session.progress)
             _check_values(agent, session)
             session.after_update(agent.metrics(), lambda: {"agent": agent.state(), "envs": envs.state()})
+    return {"critic": critic, **({"dynamics": model} if agent.fitted else {})}
 
 
 def _check_values(agent: Agent, session: Session) -> None:

@@ -89,18 +89,30 @@ class Core:
     def randomized(self, seed: int) -> Core:
         """The control that shares nothing but the architecture: every member freshly initialised."""
         generator = Streams(seed).torch("random core")
-        fresh = [PolicyNet(self.architecture, generator).state_dict() for _ in self.seeds]
-        network = {name: torch.stack([state[name] for state in fresh]) for name in self.parts["policy"]}
-        return replace(self, id=f"{self.id} (random)", parts={**self.parts, "policy": network})
+        parts = dict(self.parts)
+        parts["policy"] = _stack([PolicyNet(self.architecture, generator).state_dict() for _ in self.seeds])
+        for name, architecture in self.ensembles.items():
+            fresh = _stack([Ensemble(architecture, generator).state_dict() for _ in self.seeds])
+            parts[name] = {**self.parts[name], **{f"ensemble.{key}": tensor for key, tensor in fresh.items()}}
+        return replace(self, id=f"{self.id} (random)", parts=parts)
 
     def shuffled(self, seed: int) -> Core:
         """The control that shares every layer's distribution of weights: each tensor permuted within itself."""
         generator = Streams(seed).torch("shuffled core")
-        network = {}
-        for name, tensor in self.parts["policy"].items():
-            rows = [row.flatten()[torch.randperm(row.numel(), generator=generator)].view_as(row) for row in tensor]
-            network[name] = torch.stack(rows)
-        return replace(self, id=f"{self.id} (shuffled)", parts={**self.parts, "policy": network})
+        parts = dict(self.parts)
+        for part in ("policy", *self.ensembles):
+            networks = {name: tensor for name, tensor in self.parts[part].items() if name not in ("mean", "std")}
+            parts[part] = {**self.parts[part], **{name: _permute(tensor, generator) for name, tensor in networks.items()}}
+        return replace(self, id=f"{self.id} (shuffled)", parts=parts)
+
+
+def _stack(states: Sequence[Mapping[str, Tensor]]) -> dict[str, Tensor]:
+    return {name: torch.stack([state[name] for state in states]) for name in states[0]}
+
+
+def _permute(members: Tensor, generator: torch.Generator) -> Tensor:
+    rows = [row.flatten()[torch.randperm(row.numel(), generator=generator)].view_as(row) for row in members]
+    return torch.stack(rows)
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,15 @@ def learning_parts(module: nn.Module, policy: Policy) -> list[Part]:
     return [*parts, Part(core, policy.lr_scale.get("core", 1.0))] if core else parts
 
 
+def thaw(module: nn.Module, policy: Policy, progress: float) -> None:
+    """Let everything learn, but a wrapped core for as long as the policy's core is frozen."""
+    module.requires_grad_(requires_grad=True)
+    if progress < policy.freeze.get("core", 0.0):
+        for child in module.modules():
+            if isinstance(child, WrappedEnsemble):
+                child.core.requires_grad_(requires_grad=False)
+
+
 class AdaptedInput(nn.Module):
     """Target observations and actions as the core's: the policy's input adapter, and actions mapped back."""
 
@@ -61,8 +70,8 @@ class AdaptedInput(nn.Module):
         super().__init__()
         assert policy.normalizer is not None  # a sandwich has one
         core, found = origin.core, origin.match
-        statistics = core.normalizer(origin.member)
-        self.observation = InputAdapter(policy.normalizer, statistics, core.spec.obs_dim, found, generator)
+        self.source_normalizer = core.normalizer(origin.member)
+        self.observation = InputAdapter(policy.normalizer, self.source_normalizer, core.spec.obs_dim, found, generator)
         self.action = Linear(policy.act_dim, core.spec.act_dim, None if found else generator, gain=1.0)
         if found is not None:
             with torch.no_grad():

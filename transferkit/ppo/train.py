@@ -35,8 +35,8 @@ def train(
     streams: Streams,
     device: torch.device,
     resume_from: Mapping[str, Any] | None = None,
-) -> None:
-    """Train the policy in place until the session's budget is reached.
+) -> dict[str, Any]:
+    """Train the policy in place until the session's budget is reached; returns nothing beside it.
 
     Raises:
         NotFiniteError: NaN from an environment or in a loss.
@@ -56,6 +56,7 @@ def train(
         if session.progress < 1 or algorithm.storage.step * envs.num_envs >= config.batch_size:
             algorithm.compute_returns(_tensor(observation, device))
             session.after_update(algorithm.update(), lambda: {"algorithm": algorithm.state(), "envs": envs.state()})
+    return {}
 
 
 @torch.no_grad()
