@@ -143,7 +143,7 @@ class DynaConfig:
     """Limit of that noise."""
     random_steps: int = 100
     """First steps, of noise alone; they last at least to the end of the first episode. 0 for none."""
-    random_correlation: float = 0.9
+    random_correlation: float = 0.97
     """Of that noise from one step to the next."""
     learning_starts: int = 0
     """First steps without updates; in any case until a batch is there."""
