@@ -186,8 +186,8 @@ def _execute(
     _check_dims(policy, first, config.env)
     if config.algo == "dyna-ddpg" and not policy.squash:
         raise ConfigError(
-            "dyna-ddpg needs a policy with bounded actions: build it with wrap(core, env, squash=True); with the paper's sandwich, "
-            "which has none, pass --wrap.structure default"
+            "dyna-ddpg needs a policy with bounded actions: build it with wrap(core, env, squash=True); the paper's sandwich "
+            "has none, pass --wrap.structure default"
         )
     out = out or default_directory(config)
     record = {**asdict(config), "policy": policy.blueprint(), "core_digest": core.digest if core else None}
