@@ -120,7 +120,8 @@ class DynaConfig:
     critic_learning_rate: float = 3e-4
     """Adam step size of the critics."""
     schedule: Literal["fixed", "linear"] = "linear"
-    """Learning rates of actor and critics over the run: fixed, or linear to zero."""
+    """Learning rates of actor and critics: fixed, or linear to zero over the second half of the budget. Not over all of it:
+    60 episodes are 300 steps where every one fails, and then thousands."""
     gamma: float = 0.99
     """Discount per step."""
     tau: float = 0.1

@@ -66,10 +66,11 @@ def test_targets_move_by_tau_and_actors_learn_every_second_update(agent, monkeyp
     assert len(actor_updates) == 10
 
 
-def test_learning_rates_fall_to_zero(agent):
+def test_learning_rates_fall_to_zero_in_the_second_half(agent):
     made = agent(schedule="linear", actor_learning_rate=0.1)
-    made.set_progress(0.75)
-    assert made.actor_optimizer.param_groups[0]["lr"] == pytest.approx(0.025)
+    for progress, rate in ((0.4, 0.1), (0.75, 0.05), (1.0, 0.0)):
+        made.set_progress(progress)
+        assert made.actor_optimizer.param_groups[0]["lr"] == pytest.approx(rate)
 
 
 def test_the_model_learns_and_the_imagined_env_follows_it():

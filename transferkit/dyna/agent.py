@@ -110,7 +110,7 @@ class Agent:
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
             thaw(part, self.policy, progress)
-        factor = 1 - progress if self.config.schedule == "linear" else 1.0
+        factor = min(1.0, 2 * (1 - progress)) if self.config.schedule == "linear" else 1.0
         rates = self.config.actor_learning_rate, self.config.critic_learning_rate
         for optimizer, rate in zip((self.actor_optimizer, self.critic_optimizer), rates, strict=True):
             for group in optimizer.param_groups:
