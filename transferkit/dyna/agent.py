@@ -49,6 +49,7 @@ class Agent:
         self.imagination = streams.torch("imagination", device)
         self._noise, self._warming_up = torch.zeros(1, policy.act_dim, device=device), config.random_steps > 0
         self.losses: dict[str, Tensor] = {}
+        self.set_progress(0.0)
 
     @torch.no_grad()
     def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
