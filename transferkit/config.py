@@ -146,8 +146,6 @@ class DynaConfig:
     """First steps, of noise alone; they last at least to the end of the first episode. 0 for none."""
     random_correlation: float = 0.97
     """Of that noise from one step to the next."""
-    learning_starts: int = 0
-    """First steps without updates; in any case until a batch is there."""
     overrun_steps: int = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: int = 1_000_000

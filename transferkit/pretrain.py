@@ -21,7 +21,7 @@ from transferkit.errors import ArtifactError, ConfigError
 from transferkit.evaluation import evaluate
 from transferkit.nn import EnsembleArchitecture
 from transferkit.policy import ScratchPolicy
-from transferkit.policy.core import Core
+from transferkit.policy.core import Core, stack_members
 from transferkit.run.session import Report
 from transferkit.transfer import RUNS, Result, load_parts, load_policy, run_training
 from transferkit.versions import command, versions
@@ -133,13 +133,13 @@ def _core(
     policies: Sequence[ScratchPolicy],
     beside: Sequence[dict[str, tuple[EnsembleArchitecture, dict[str, torch.Tensor]]]],
 ) -> Core:
-    stacked = {"policy": _stack([policy.network.state_dict() for policy in policies])}
+    stacked = {"policy": stack_members([policy.network.state_dict() for policy in policies])}
     statistics = [policy.normalizer.state_dict() for policy in policies if policy.normalizer is not None]
     if statistics:
-        stacked["normalizer"] = _stack(statistics)
+        stacked["normalizer"] = stack_members(statistics)
     ensembles = {name: architecture for name, (architecture, _) in beside[0].items()}
     for name in ensembles:
-        stacked[name] = _stack([parts[name][1] for parts in beside])
+        stacked[name] = stack_members([parts[name][1] for parts in beside])
     architecture = policies[0].network.architecture
     return Core(recipe.id, derive_spec(config.env), architecture, recipe.seeds, stacked, ensembles=ensembles)
 
@@ -163,7 +163,3 @@ def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result]
         files={},
         history=(f"v{recipe.version}: first release" if recipe.version == 1 else f"v{recipe.version}",),
     )
-
-
-def _stack(members: list[dict[str, torch.Tensor]]) -> dict[str, torch.Tensor]:
-    return {name: torch.stack([member[name] for member in members]).contiguous() for name in members[0]}

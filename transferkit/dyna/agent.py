@@ -78,7 +78,7 @@ class Agent:
     def learn(self) -> None:
         """The updates that follow one environment step; none before the buffer holds a batch."""
         config = self.config
-        if self.buffer.added < max(config.batch_size, config.learning_starts):
+        if self.buffer.added < config.batch_size:
             return
         if config.model_share and self.buffer.added % config.model_every == 0:
             self.losses["model"] = torch.tensor(fit(self.model, self.model_optimizer, self.buffer, config, self.imagination))

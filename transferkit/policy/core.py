@@ -90,9 +90,9 @@ class Core:
         """The control that shares nothing but the architecture: every member freshly initialised."""
         generator = Streams(seed).torch("random core")
         parts = dict(self.parts)
-        parts["policy"] = _stack([PolicyNet(self.architecture, generator).state_dict() for _ in self.seeds])
+        parts["policy"] = stack_members([PolicyNet(self.architecture, generator).state_dict() for _ in self.seeds])
         for name, architecture in self.ensembles.items():
-            fresh = _stack([Ensemble(architecture, generator).state_dict() for _ in self.seeds])
+            fresh = stack_members([Ensemble(architecture, generator).state_dict() for _ in self.seeds])
             parts[name] = {**self.parts[name], **{f"ensemble.{key}": tensor for key, tensor in fresh.items()}}
         return replace(self, id=f"{self.id} (random)", parts=parts)
 
@@ -106,7 +106,8 @@ class Core:
         return replace(self, id=f"{self.id} (shuffled)", parts=parts)
 
 
-def _stack(states: Sequence[Mapping[str, Tensor]]) -> dict[str, Tensor]:
+def stack_members(states: Sequence[Mapping[str, Tensor]]) -> dict[str, Tensor]:
+    """The state dicts of a core's members as one, each tensor with a leading axis over members."""
     return {name: torch.stack([state[name] for state in states]) for name in states[0]}
 
 
