@@ -37,7 +37,7 @@ def agent(*, layer_norm: bool) -> Agent:
         hidden=(WIDTH, WIDTH), batch_size=BATCH, updates_per_step=UPDATES, actor_every=2, layer_norm=layer_norm, model_share=0.0
     )
     streams = Streams(0)
-    architecture = Architecture(OBS, ACT, (WIDTH, WIDTH), "relu", squash=True)
+    architecture = Architecture(OBS, ACT, (WIDTH, WIDTH), "relu")
     policy = ScratchPolicy.create(architecture, streams.torch("policy"), init_std=1.0, normalize=True)
     model = make_dynamics(policy, derive_spec(ENV), config, streams.torch("model"))
     ours = Agent(policy, make_critic(policy, config, streams.torch("critic")), model, config, streams, torch.device("cpu"))

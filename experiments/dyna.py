@@ -10,8 +10,7 @@ import argparse
 import ast
 import csv
 import itertools
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -21,6 +20,7 @@ from transferkit import stats
 from transferkit.config import DYNA_PRESETS, TrainConfig, preset
 from transferkit.envs import make_env
 from transferkit.run.directory import read_json, read_table
+from transferkit.run.workers import worker_pool
 from transferkit.transfer import load_policy, run_training
 from transferkit.versions import versions
 
@@ -72,7 +72,7 @@ def main() -> None:
     known = {tuple(row[name] for name in names) for row in rows()}
     which = options.label, options.algo, options.preset, options.env
     jobs = [seed for seed in options.seeds if (*which, str(seed)) not in known]
-    with ProcessPoolExecutor(options.workers, multiprocessing.get_context("spawn")) as pool:
+    with worker_pool(options.workers) as pool:
         for done in as_completed([pool.submit(run, options, seed) for seed in jobs]):
             add(done.result())
     if options.summary or not jobs:
@@ -97,7 +97,7 @@ def run(options: argparse.Namespace, seed: int) -> dict:
         "worst_after": round(min(after), 1) if after else "",
         "last_50_mean": round(float(np.mean([row["return"] for row in episodes[-50:]])), 2),
         "speed": forward_speed(out, options.env),
-        "commit": read_json(out / "run.json")["git"].get("commit", ""),
+        "commit": (read_json(out / "run.json")["git"] or {}).get("commit", ""),
         **{name: versions()[name] for name in ("mujoco", "torch")},
     }
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -111,6 +112,8 @@ class DynaConfig:
     """Hidden layers of the policy that is trained from scratch, and of the critics."""
     activation: Literal["tanh", "relu", "elu"] = "relu"
     """Activation of the policy; critics and model take rectified units."""
+    squash: bool = False
+    """Bound the policy's mean by tanh (the paper); False clips it and inverts its gradients (Hausknecht & Stone 2016)."""
     layer_norm: bool = True
     """Normalise the layers of critics and model (Hiraoka et al. 2022: what makes many updates a step stable)."""
     critics: int = 2
@@ -122,8 +125,11 @@ class DynaConfig:
     schedule: Literal["fixed", "linear"] = "linear"
     """Learning rates of actor and critics: fixed, or linear to zero over the second half of the budget. Not over all of it:
     60 episodes are 300 steps where every one fails, and then thousands."""
+    discount_seconds: float | None = 2.0
+    """Time constant of the discount: a step is discounted by exp(-time step / it), so that tasks with other time steps look
+    equally far ahead (Doya 2000; Tallec et al. 2019). None takes `gamma`."""
     gamma: float = 0.99
-    """Discount per step."""
+    """Discount per step, where `discount_seconds` is None or the environment has no time step."""
     tau: float = 0.1
     """Share of the networks that the target networks take over after each environment step, so that the targets of a step are
     computed at once; 0.02 an update, where Fujimoto et al. 2018 take 0.005: normalised critics bear it."""
@@ -133,19 +139,16 @@ class DynaConfig:
     """Critic updates per environment step (Chen et al. 2021 take 20)."""
     actor_every: int = 2
     """Critic updates per actor update (Fujimoto et al. 2018)."""
-    exploration_noise: float = 0.2
-    """Standard deviation added to actions, of a range of [-1, 1]."""
-    noise_correlation: float = 0.5
-    """Of that noise from one step to the next (an Ornstein-Uhlenbeck process, Lillicrap et al. 2016); 0 is white."""
-    target_noise: float = 0.2
-    """Standard deviation added to the target's action (Fujimoto et al. 2018): as much as when exploring, so that the critics
-    value the policy that acts."""
-    target_noise_clip: float = 0.5
-    """Limit of that noise."""
+    exploration_noise: float = 0.3
+    """Standard deviation added to actions, of a range of [-1, 1], at first; and to the targets' actions (Fujimoto et al. 2018),
+    so that the critics value the policy that acts."""
+    final_noise: float = 0.1
+    """What it has become, linearly, at the end of the budget."""
     random_steps: int = 100
-    """First steps, of noise alone; they last at least to the end of the first episode. 0 for none."""
-    random_correlation: float = 0.97
-    """Of that noise from one step to the next."""
+    """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none."""
+    curious_until: int = 100
+    """Until so many rewards differ from the first, and no episode has terminated, the model's disagreement is the reward: where
+    no reward is met there is nothing else to learn from (Sekar et al. 2020). 0 for never."""
     overrun_steps: int = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: int = 1_000_000
@@ -208,15 +211,23 @@ class DynaConfig:
                 raise ConfigError(f"{name}={value} must lie between 0 and 1; {flag}")
             if name in RATES and not 0 < value <= 1:
                 raise ConfigError(f"{name}={value} must be above 0 and at most 1; {flag}")
-            if name in ("exploration_noise", "target_noise", "random_steps") and value < 0:
+            if name in ("exploration_noise", "final_noise", "random_steps", "curious_until") and value < 0:
                 raise ConfigError(f"{name}={value} must not be negative; {flag}")
         if self.gamma >= 1:
             raise ConfigError(f"gamma={self.gamma} must be below 1; pass --dyna.gamma")
+        if self.discount_seconds is not None and self.discount_seconds <= 0:
+            raise ConfigError(f"discount_seconds={self.discount_seconds} must be above 0; pass --dyna.discount-seconds")
         if self.model_loss == "squared-error" and (self.planned_reward == "learned" or self.planned_termination):
             raise ConfigError(
                 "model_loss='squared-error' learns neither rewards nor terminations; pass --dyna.planned-reward minus-norm "
                 "--dyna.no-planned-termination with it, or --dyna.model-loss likelihood"
             )
+
+    def for_time_step(self, seconds: float) -> DynaConfig:
+        """The same with the discount per step of an environment with this time step; 0 for one that has none."""
+        if self.discount_seconds is None or not seconds:
+            return self
+        return replace(self, gamma=math.exp(-seconds / self.discount_seconds))
 
 
 AT_LEAST_ONE = (
@@ -234,13 +245,14 @@ AT_LEAST_ONE = (
     "ppo_horizon",
     "ppo_updates",
 )
-SHARES = ("gamma", "noise_correlation", "random_correlation", "model_share")
+SHARES = ("gamma", "model_share")
 RATES = ("actor_learning_rate", "critic_learning_rate", "model_learning_rate", "tau", "keep_share")
 
 DYNA_PRESETS: dict[Preset, DynaConfig] = {
     "default": DynaConfig(),
     "paper": DynaConfig(
         hidden=(256, 256),
+        squash=True,
         layer_norm=False,
         critics=1,
         critic_learning_rate=1e-3,
@@ -248,9 +260,11 @@ DYNA_PRESETS: dict[Preset, DynaConfig] = {
         updates_per_step=11,
         actor_every=11,
         tau=0.005,
+        discount_seconds=None,
         exploration_noise=0.0,
-        target_noise=0.0,
+        final_noise=0.0,
         random_steps=0,
+        curious_until=0,
         overrun_steps=128,
         reward_scale=1.0,
         normalize_observation=False,
@@ -286,8 +300,6 @@ class WrapConfig:
     """Fill the adapters from what the numbers mean, or at random; auto is semantic where anything matches."""
     finetune: bool = True
     """Square residual layers beside the core, the identity until trained."""
-    squash: bool = False
-    """Bound the mean action by tanh; dyna-ddpg always does."""
     residual: int = 0
     """Width of a side network from the observation straight to the action, zero at the start; 0 for none."""
     freeze: Mapping[str, float] = field(default_factory=dict)

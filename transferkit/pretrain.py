@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -23,6 +18,7 @@ from transferkit.nn import EnsembleArchitecture
 from transferkit.policy import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.run.session import Report
+from transferkit.run.workers import worker_pool
 from transferkit.transfer import RUNS, Result, load_parts, load_policy, run_training
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import ensemble_part, normalizer_part, policy_part, save_core
@@ -94,21 +90,8 @@ def _train_members(recipe: Recipe, config: TrainConfig, report: Report | None) -
     jobs = [(replace(config, seed=seed), RUNS / "pretrain" / recipe.id / f"seed{seed}") for seed in recipe.seeds]
     if recipe.workers == 1 or len(jobs) == 1:
         return [run_training(job, out=out, resume=True, report=report) for job, out in jobs]
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(recipe.workers, spawn, initializer=_stop_with_parent) as pool:
+    with worker_pool(recipe.workers) as pool:
         return list(pool.map(_train_member, *zip(*jobs, strict=True)))
-
-
-def _stop_with_parent() -> None:
-    """Let a worker save and stop when its parent is gone, so that the next call finds its runs free."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    threading.Thread(target=watch, daemon=True).start()
 
 
 def _train_member(config: TrainConfig, out: Path) -> Result:

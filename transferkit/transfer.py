@@ -97,7 +97,7 @@ def train(
         policy: from `wrap`, or a `ScratchPolicy`.
         env: an id, or a function that makes one environment.
         budget: episodes, steps or seconds; the first one reached ends training.
-        algo: the trainer; `dyna-ddpg` needs a policy made with `squash=True`.
+        algo: the trainer.
         preset_name: which trainer settings to use.
         config: trainer settings in place of the preset's.
         seed: of every random stream of training.
@@ -184,11 +184,6 @@ def _execute(
     policy = make_policy()
     first = make()
     _check_dims(policy, first, config.env)
-    if config.algo == "dyna-ddpg" and not policy.squash:
-        raise ConfigError(
-            "dyna-ddpg needs a policy with bounded actions: build it with wrap(core, env, squash=True); the paper's sandwich "
-            "has none, pass --wrap.structure default"
-        )
     out = out or default_directory(config)
     record = {**asdict(config), "policy": policy.blueprint(), "core_digest": core.digest if core else None}
     directory, state = _open(out, record, resume=resume)
@@ -256,17 +251,19 @@ def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Stream
 
         train = lambda envs, *rest: ppo.train(policy, envs, config.ppo, *rest)  # noqa: E731
         return _Trainer(train, config.ppo.num_envs)
-    model = make_dynamics(policy, derive_spec(make()), config.dyna, streams.torch("model initialisation"))
+    spec = derive_spec(make())
+    settings = config.dyna.for_time_step(spec.time_step)
+    model = make_dynamics(policy, spec, settings, streams.torch("model initialisation"))
     if config.algo == "dyna-ppo":
         from transferkit import dyna_ppo  # noqa: PLC0415
 
-        configs = config.ppo, config.dyna
+        configs = config.ppo, settings
         train = lambda envs, *rest: dyna_ppo.train(policy, model, envs, configs, *rest)  # noqa: E731
         return _Trainer(train)
     from transferkit import dyna  # noqa: PLC0415
 
-    critic = make_critic(policy, config.dyna, streams.torch("critic initialisation"))
-    train = lambda envs, *rest: dyna.train(policy, critic, model, envs, config.dyna, *rest)  # noqa: E731
+    critic = make_critic(policy, settings, streams.torch("critic initialisation"))
+    train = lambda envs, *rest: dyna.train(policy, critic, model, envs, settings, *rest)  # noqa: E731
     return _Trainer(train, 1, config.dyna.overrun_steps)
 
 
@@ -278,8 +275,7 @@ def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirect
 
 def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
     if core is not None:
-        options = replace(config.wrap, squash=config.wrap.squash or config.algo == "dyna-ddpg")
-        return wrap(core, config.env, config=options, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
+        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
     env = make_env(config.env)
     assert env.observation_space.shape is not None
     assert env.action_space.shape is not None
@@ -290,7 +286,7 @@ def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
     if config.algo != "dyna-ddpg":
         architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
         return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
-    architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=True)
+    architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=dyna.squash)
     return ScratchPolicy.create(
         architecture, generator, init_std=dyna.exploration_noise or 1.0, normalize=dyna.normalize_observation
     )

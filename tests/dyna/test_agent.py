@@ -38,7 +38,7 @@ def make_agent(policy, spec, config):
 @pytest.fixture
 def agent(pendulum_spec):
     def make(**options):
-        architecture = Architecture(4, 1, (16, 16), "relu", squash=True)
+        architecture = Architecture(4, 1, (16, 16), "relu")
         policy = ScratchPolicy.create(architecture, Streams(0).torch("policy"), init_std=1.0, normalize=True)
         made = make_agent(policy, pendulum_spec, replace(TINY, **options))
         made.set_progress(0.0)
@@ -111,7 +111,7 @@ def test_imagined_rows_on_which_members_disagree_are_dropped():
 
 
 def test_a_wrapped_core_learns_slower_and_stays_while_it_is_frozen(core_with_parts, pendulum_spec):
-    policy = wrap(core_with_parts, pendulum_spec, squash=True, lr_scale={"core": 0.2}, freeze={"core": 0.5})
+    policy = wrap(core_with_parts, pendulum_spec, lr_scale={"core": 0.2}, freeze={"core": 0.5})
     made = make_agent(policy, pendulum_spec, replace(TINY, critics=2, model_members=3))
     scales = [part.lr_scale for part in learning_parts(made.critic, policy)]
     assert scales == [1.0, 0.2]
@@ -125,8 +125,8 @@ def test_a_wrapped_core_learns_slower_and_stays_while_it_is_frozen(core_with_par
 
 
 def test_every_part_frozen_is_no_error(core_with_parts, pendulum_spec):
-    parts = wrap(core_with_parts, pendulum_spec, squash=True).parts()
-    policy = wrap(core_with_parts, pendulum_spec, squash=True, freeze=dict.fromkeys(parts, 1.0))
+    parts = wrap(core_with_parts, pendulum_spec).parts()
+    policy = wrap(core_with_parts, pendulum_spec, freeze=dict.fromkeys(parts, 1.0))
     made = make_agent(policy, pendulum_spec, replace(TINY, critics=2, model_members=3))
     made.set_progress(0.0)
     made._update_actor(torch.zeros(2, 4))
@@ -140,6 +140,33 @@ def test_controls_share_no_trained_weights(core_with_parts):
                 assert not varies or not torch.equal(tensor, core_with_parts.parts[part][name]), (part, name)
 
 
+def test_the_discount_follows_the_time_step():
+    assert DynaConfig(discount_seconds=2.0).for_time_step(0.02).gamma == pytest.approx(0.99005, abs=1e-5)
+    assert DynaConfig(discount_seconds=None, gamma=0.9).for_time_step(0.02).gamma == 0.9
+    assert DynaConfig(gamma=0.9).for_time_step(0.0).gamma == 0.9
+
+
+def test_novelty_is_the_reward_until_rewards_or_ends_tell_more(agent):
+    made = agent(curious_until=2, model_share=0.5)
+    assert not made.curious  # rewards differ
+    made.buffer.all().reward.fill_(0.0)
+    assert not made.curious  # no model yet
+    made.losses["model"] = torch.zeros(())
+    assert made.curious
+    made.buffer.all().reward[1:3] = 1.0
+    assert not made.curious
+    made.buffer.all().reward.fill_(0.0)
+    made.buffer.all().terminated[3] = 1.0
+    assert not made.curious
+
+
+def test_noise_falls_over_the_budget(agent):
+    made = agent(exploration_noise=0.5, final_noise=0.1)
+    for progress, noise in ((0.0, 0.5), (0.5, 0.3), (1.0, 0.1)):
+        made.set_progress(progress)
+        assert made.noise == pytest.approx(noise)
+
+
 def test_no_reward_yet_is_no_divergence(tmp_path):
     config = TrainConfig("dm_control/pendulum-swingup-v0", algo="dyna-ddpg", steps=300, eval_episodes=1, dyna=TINY)
     assert run_training(config, out=tmp_path / "run").steps == 300
@@ -149,7 +176,8 @@ def test_no_reward_yet_is_no_divergence(tmp_path):
     ("options", "message"),
     [
         ({"gamma": 1.0}, "gamma=1.0"),
-        ({"noise_correlation": 1.5}, "noise_correlation=1.5"),
+        ({"model_share": 1.5}, "model_share=1.5"),
+        ({"discount_seconds": 0.0}, "discount_seconds=0.0"),
         ({"ppo_horizon": 0}, "ppo_horizon=0"),
         ({"model_loss": "squared-error"}, "neither rewards nor terminations"),
     ],

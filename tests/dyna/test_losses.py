@@ -8,7 +8,7 @@ from torch import nn
 
 from transferkit.config import DynaConfig
 from transferkit.dyna.imagine import imagine
-from transferkit.dyna.losses import actor_loss, critic_loss, dynamics_loss, td_target
+from transferkit.dyna.losses import actor_loss, bounded, critic_loss, dynamics_loss, td_target
 from transferkit.dyna.replay import Batch, ReplayBuffer
 from transferkit.nn import Dynamics, JointInput
 from transferkit.run.streams import Streams
@@ -24,6 +24,8 @@ class Twice(nn.Module):
 
 class Half(nn.Module):
     """A policy that halves its observation."""
+
+    squash = True
 
     def forward(self, observation):
         return observation[:, :1] / 2, None
@@ -51,6 +53,15 @@ def test_critic_and_actor_loss():
     assert critic_loss(Twice(), observation, action, torch.tensor([1.0, 2.0])).item() == pytest.approx(21.0)
     # actions 0.5 and 1, totals 1.5 and 3, mean over members 3 and 6
     assert actor_loss(Half(), Twice(), observation).item() == pytest.approx(-4.5)
+
+
+def test_gradients_are_inverted_at_the_bounds():
+    action = torch.tensor([0.5, 0.5, 1.2, -1.2, 3.0], requires_grad=True)
+    taken = bounded(action)
+    assert taken.tolist() == [0.5, 0.5, 1.0, -1.0, 1.0]
+    taken.backward(torch.tensor([-1.0, 1.0, -1.0, -1.0, 1.0]))
+    # room upwards 0.5 of 2, downwards 1.5 of 2; beyond a bound the outward step turns round
+    torch.testing.assert_close(action.grad, torch.tensor([-0.25, 0.75, 0.1, -1.1, 2.0]))
 
 
 class Fixed(nn.Module):
@@ -97,7 +108,7 @@ def test_imagined_transitions_follow_the_model():
     buffer = ReplayBuffer(1, 1, 10)
     for value in (1.0, 2.0):
         buffer.add(Batch(*(tensor[0] for tensor in transition(value, 0.9, 0.0, 0.0, 0.0))))
-    config = DynaConfig(horizon=2, exploration_noise=0.0, model_members=1)
+    config = DynaConfig(horizon=2, model_members=1)
     batch = buffer.split(imagine(6, Half(), model, buffer, config, Streams(0).torch("test")))
     assert len(batch.reward) == 6
     assert set(batch.observation.flatten().tolist()) <= {1.0, 2.0}  # rollouts that ended begin anew

@@ -10,7 +10,7 @@ from transferkit.config import DYNA_PRESETS, DynaConfig, TrainConfig
 from transferkit.dyna.diagnostics import diagnose
 from transferkit.dyna.replay import Batch, ReplayBuffer
 from transferkit.envs import derive_spec
-from transferkit.errors import ConfigError, DivergedError, Interrupted
+from transferkit.errors import DivergedError, Interrupted
 from transferkit.nn import Dynamics, Ensemble, EnsembleArchitecture, JointInput
 from transferkit.policy import wrap
 from transferkit.policy.parts import make_critic, make_dynamics
@@ -84,7 +84,7 @@ def test_ensemble_members_are_independent():
 
 def test_a_wrapped_critic_on_its_own_source_is_the_cores(core_with_parts):
     core = core_with_parts
-    policy = wrap(core, core.spec, squash=True)
+    policy = wrap(core, core.spec)
     critic = make_critic(policy, DynaConfig(critics=2), Streams(0).torch("test"))
     observation, action = torch.randn(7, 4, generator=Streams(0).torch("x")), torch.full((7, 1), 0.3)
     torch.testing.assert_close(critic(observation, action), core.critic()(observation, action))
@@ -96,18 +96,11 @@ def test_wrapped_parts_train_on_another_robot(core_with_parts, tmp_path, monkeyp
     core = core_with_parts
     monkeypatch.setattr("transferkit.transfer.load_core", lambda _: core)
     config = replace(SMALL, core="test-v1", dyna=replace(TINY, model_members=3), steps=400)
-    before = make_dynamics(wrap(core, IDP, squash=True), derive_spec(IDP), config.dyna, Streams(0).torch("x")).state_dict()
+    before = make_dynamics(wrap(core, IDP), derive_spec(IDP), config.dyna, Streams(0).torch("x")).state_dict()
     run_training(config, out=tmp_path / "run")
     saved = load_state(tmp_path / "run/policy.safetensors")["parts"]["dynamics"]["weights"]
     assert saved.keys() == before.keys()
     assert not torch.equal(saved["ensemble.core.body.0.weight"], before["ensemble.core.body.0.weight"])
-
-
-def test_an_unbounded_policy_is_refused(untrained_core, tmp_path):
-    from transferkit import Budget, train
-
-    with pytest.raises(ConfigError, match="squash=True"):
-        train(wrap(untrained_core, IDP), IDP, Budget(steps=10), algo="dyna-ddpg", out=tmp_path / "run")
 
 
 def test_diagnosis_of_a_model_that_adds_one():

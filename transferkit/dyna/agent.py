@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from transferkit.config import DynaConfig
-from transferkit.dyna.imagine import imagine
+from transferkit.dyna.imagine import imagine, novelty
 from transferkit.dyna.losses import actor_loss, critic_loss, td_target
 from transferkit.dyna.model import fit
 from transferkit.dyna.replay import Batch, ReplayBuffer
@@ -25,6 +25,9 @@ from transferkit.run.streams import Streams
 
 LONGEST_WARM_UP = 10
 """Times `random_steps`."""
+
+NOISE_CLIP = 2.5
+"""Of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
 
 M = TypeVar("M", bound=nn.Module)
 
@@ -47,24 +50,18 @@ class Agent:
         self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
-        self._noise, self._warming_up = torch.zeros(1, policy.act_dim, device=device), config.random_steps > 0
+        self._warming_up = config.random_steps > 0
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0)
 
     @torch.no_grad()
     def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Actions `(1, act_dim)`: noise alone at first, then the policy's with noise.
-
-        The noise is correlated over time, an Ornstein-Uhlenbeck process (Lillicrap et al. 2016), to move what has inertia.
-        """
-        config, warming_up = self.config, self._warming_up
-        correlation = config.random_correlation if warming_up else config.noise_correlation
-        white = torch.randn(self._noise.shape, generator=self.exploration, device=self.device)
-        self._noise = correlation * self._noise + (1 - correlation**2) ** 0.5 * white
-        if warming_up:
-            return self._noise.clamp(-1.0, 1.0).cpu().numpy()
+        """Actions `(1, act_dim)`: noise alone at first, then the policy's with noise."""
+        noise = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
+        if self._warming_up:
+            return noise.clamp(-1.0, 1.0).cpu().numpy()
         mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
-        return (mean + config.exploration_noise * self._noise).clamp(-1.0, 1.0).cpu().numpy()
+        return (mean + self.noise * noise).clamp(-1.0, 1.0).cpu().numpy()
 
     def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Remember a step of the one environment."""
@@ -83,6 +80,8 @@ class Agent:
         if config.model_share and self.buffer.added % config.model_every == 0:
             self.losses["model"] = torch.tensor(fit(self.model, self.model_optimizer, self.buffer, config, self.imagination))
         batch = self.buffer.split(self._batches())
+        if self.curious:
+            batch = batch._replace(reward=novelty(self.model, batch))
         targets = td_target(self.target_policy, self.target_critic, batch, self._target_noise(batch), config)
         for k in range(config.updates_per_step):
             self._update_critic(batch.observation[k], batch.action[k], targets[k])
@@ -97,22 +96,31 @@ class Agent:
         return "model" in self.losses
 
     @property
+    def curious(self) -> bool:
+        """Whether neither rewards nor terminations say yet what is good."""
+        if not self.fitted:
+            return False
+        seen = self.buffer.all()
+        return not bool(seen.terminated.any()) and bool((seen.reward != seen.reward[0]).sum() < self.config.curious_until)
+
+    @property
     def largest_return(self) -> float:
-        """No discounted sum of rewards can be larger, in the critic's scale; at least 1, for values before any reward."""
+        """No discounted sum of rewards can be larger, in the critic's scale; at least that of novelty, which stays below 1."""
         seen, config = self.buffer.all(), self.config
         largest = float(seen.reward.abs().max())
         if config.model_share and config.planned_reward == "minus-norm":
             largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
-        return max(1.0, config.reward_scale * largest / (1 - config.gamma))
+        return config.reward_scale * max(1.0, largest) / (1 - config.gamma)
 
     def set_progress(self, progress: float) -> None:
-        """Freeze, unfreeze and slow down for a run that has used this share of its budget."""
-        self._progress = progress
+        """Freeze, unfreeze and calm down for a run that has used this share of its budget."""
+        self._progress, config = progress, self.config
+        self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
             thaw(part, self.policy, progress)
-        factor = min(1.0, 2 * (1 - progress)) if self.config.schedule == "linear" else 1.0
-        rates = self.config.actor_learning_rate, self.config.critic_learning_rate
+        factor = min(1.0, 2 * (1 - progress)) if config.schedule == "linear" else 1.0
+        rates = config.actor_learning_rate, config.critic_learning_rate
         for optimizer, rate in zip((self.actor_optimizer, self.critic_optimizer), rates, strict=True):
             for group in optimizer.param_groups:
                 group["lr"] = rate * factor
@@ -128,7 +136,6 @@ class Agent:
             "optimizers": [optimizer.state_dict() for optimizer in self._optimizers()],
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
-            "noise": self._noise,
             "warming_up": self._warming_up,
             "losses": self.losses,
         }
@@ -142,7 +149,7 @@ class Agent:
         for generator, saved in zip(self._generators(), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
-        self._noise, self._warming_up = state["noise"].to(self.device), state["warming_up"]
+        self._warming_up = state["warming_up"]
         self.losses = dict(state["losses"])
 
     def _batches(self) -> Tensor:
@@ -152,18 +159,15 @@ class Agent:
         imagined = round(config.model_share * count * size) if self.fitted else 0
         if not imagined:
             return self.buffer.sample((count, size), self.batches)
-        rows = imagine(imagined, self.policy, self.model, self.buffer, config, self.imagination)
+        rows = imagine(imagined, self.policy, self.model, self.buffer, config, self.imagination, noise=self.noise)
         mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches), rows))
         if config.mix_batches:
             mixed = mixed[torch.randperm(count * size, generator=self.batches, device=self.device)]
         return mixed.view(count, size, -1)
 
-    def _target_noise(self, batch: Batch) -> Tensor | None:
-        config = self.config
-        if not config.target_noise:
-            return None
-        noise = config.target_noise * torch.randn(batch.action.shape, generator=self.batches, device=self.device)
-        return noise.clamp_(-config.target_noise_clip, config.target_noise_clip)
+    def _target_noise(self, batch: Batch) -> Tensor:
+        noise = torch.randn(batch.action.shape, generator=self.batches, device=self.device)
+        return self.noise * noise.clamp_(-NOISE_CLIP, NOISE_CLIP)
 
     def _update_critic(self, observation: Tensor, action: Tensor, target: Tensor) -> None:
         loss = critic_loss(self.critic, observation, action, target)

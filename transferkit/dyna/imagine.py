@@ -15,9 +15,16 @@ from transferkit.policy.base import Policy
 
 @torch.no_grad()
 def imagine(
-    n: int, policy: Policy, model: Dynamics, buffer: ReplayBuffer, config: DynaConfig, generator: torch.Generator
+    n: int,
+    policy: Policy,
+    model: Dynamics,
+    buffer: ReplayBuffer,
+    config: DynaConfig,
+    generator: torch.Generator,
+    *,
+    noise: float = 0.0,
 ) -> Tensor:
-    """`n` imagined transitions as rows of the replay buffer, `(n, width)`, in random order.
+    """`n` imagined transitions as rows of the replay buffer, `(n, width)`, in random order; `noise` is the actions' deviation.
 
     Every step takes one member at random for each rollout, drops the share of them on which the members disagree most, and
     starts those that ended anew.
@@ -28,7 +35,7 @@ def imagine(
     for _ in range(config.horizon):
         replayed = buffer.split(buffer.sample((size,), generator))
         observation = replayed.observation if observation is None else observation
-        action = replayed.action if config.planned_action == "replayed" else _act(policy, observation, config, generator)
+        action = replayed.action if config.planned_action == "replayed" else _act(policy, observation, noise, generator)
         prediction = model.predict(observation, action)
         batch = _choose(observation, action, prediction, config, generator)
         rows.append(batch.rows()[_agreed(prediction, model, each)])
@@ -37,10 +44,16 @@ def imagine(
     return imagined[torch.randperm(len(imagined), generator=generator, device=imagined.device)[:n]]
 
 
-def _act(policy: Policy, observation: Tensor, config: DynaConfig, generator: torch.Generator) -> Tensor:
+@torch.no_grad()
+def novelty(model: Dynamics, batch: Batch) -> Tensor:
+    """How little the model knows of each transition `(...)`, from 0 to 1, 0.5 at the batch's mean disagreement."""
+    lacking = disagreement(model.predict(batch.observation.flatten(0, -2), batch.action.flatten(0, -2)), model)
+    return (lacking / (lacking + lacking.mean())).view_as(batch.reward)
+
+
+def _act(policy: Policy, observation: Tensor, noise: float, generator: torch.Generator) -> Tensor:
     mean = policy(observation)[0]
-    noise = torch.randn(mean.shape, generator=generator, device=mean.device)
-    return (mean + config.exploration_noise * noise).clamp(-1.0, 1.0)
+    return (mean + noise * torch.randn(mean.shape, generator=generator, device=mean.device)).clamp(-1.0, 1.0)
 
 
 def _choose(

@@ -25,8 +25,8 @@ def td_target(policy: Policy, critic: Critic, batch: Batch, noise: Tensor | None
     observation = batch.next_observation.flatten(0, -2)
     action = policy(observation)[0]
     if noise is not None:
-        action = (action + noise.view_as(action)).clamp(-1.0, 1.0)
-    value = critic(observation, action).amin(0).view_as(batch.reward)
+        action = action + noise.view_as(action)
+    value = critic(observation, action.clamp(-1.0, 1.0)).amin(0).view_as(batch.reward)
     return config.reward_scale * batch.reward + config.gamma * (1.0 - batch.terminated) * value
 
 
@@ -37,7 +37,22 @@ def critic_loss(critic: Critic, observation: Tensor, action: Tensor, target: Ten
 
 def actor_loss(policy: Policy, critic: Critic, observation: Tensor) -> Tensor:
     """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value."""
-    return -critic(observation, policy(observation)[0]).mean()
+    mean = policy(observation)[0]
+    return -critic(observation, mean if policy.squash else bounded(mean)).mean()
+
+
+def bounded(action: Tensor) -> Tensor:
+    """Actions clipped to [-1, 1], with inverted gradients (Hausknecht & Stone 2016, equation 11).
+
+    A gradient step shrinks with the room that is left in its direction, and turns round beyond the bounds. Behind a tanh, which
+    saturates, an actor that was once driven to a bound stays there.
+    """
+    value = action.detach()
+    through = action + (value.clamp(-1.0, 1.0) - value)
+    if through.requires_grad:
+        # A descent step raises the action where its gradient is negative.
+        through.register_hook(lambda grad: grad * torch.where(grad < 0, 1.0 - value, 1.0 + value) / 2.0)
+    return through
 
 
 def dynamics_loss(model: Dynamics, batch: Batch) -> Tensor:

@@ -27,7 +27,7 @@ class Architecture:
     initialization: str = "orthogonal"
     """`orthogonal`, or `uniform` as `nn.Linear` has it."""
     squash: bool = False
-    """Bound the mean by tanh, as DDPG needs it."""
+    """Bound the mean by tanh, as in the paper's DDPG."""
 
     def to_json(self) -> dict[str, Any]:
         """As JSON-ready data."""

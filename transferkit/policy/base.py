@@ -40,7 +40,7 @@ class Policy(nn.Module):
     normalizer: Normalizer | None
     """Statistics of this environment's observations; None where the policy takes them raw."""
     squash: bool = False
-    """Whether the mean is bounded by tanh; DDPG needs it."""
+    """Whether the mean is bounded by tanh, as in the paper's DDPG."""
     lr_scale: Mapping[str, float]
     freeze: Mapping[str, float]
 

@@ -38,7 +38,7 @@ class Sandwich(Policy):
         source, target = specs
         generators = generators or {}
         self._specs, self._match, self.config = specs, found, config
-        self.squash = config.squash or (config.tap == "features" and core.architecture.squash)
+        self.squash = config.tap == "features" and core.architecture.squash
         self.origin = origin
         self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
@@ -107,7 +107,6 @@ class Sandwich(Policy):
             "tap": self.config.tap,
             "finetune": self.config.finetune,
             "residual": self.config.residual,
-            "squash": self.squash,
             "semantic": self._match is not None,
         }
 

@@ -78,7 +78,7 @@ def build(blueprint: Mapping[str, Any]) -> Policy:
     specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
     if blueprint["kind"] == "paper":
         return PaperSandwich(network, specs, WRAP_PRESETS["paper"], None)
-    options = {name: blueprint[name] for name in ("tap", "finetune", "residual", "squash") if name in blueprint}
+    options = {name: blueprint[name] for name in ("tap", "finetune", "residual") if name in blueprint}
     normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
     found = match(*specs) if blueprint["semantic"] else None
     return Sandwich(network, normalizer, specs, WrapConfig(**options, lr_scale={}), found, None, init_std=1.0)
