@@ -13,6 +13,8 @@ def test_a_budget_needs_a_positive_limit(limits):
 def test_the_first_limit_reached_ends_training():
     budget = Budget(episodes=10, steps=100)
     assert Spent(episodes=3, steps=50).fraction(budget) == 0.5
+    assert Spent(episodes=9, steps=50).step_fraction(budget) == 0.5
+    assert Spent(episodes=9, steps=50).step_fraction(Budget(episodes=10)) == 0.9
     assert not Spent(episodes=9, steps=99).exhausts(budget)
     assert Spent(episodes=10, steps=20).exhausts(budget)
     assert Spent(episodes=1, steps=100).exhausts(budget)

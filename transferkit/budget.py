@@ -61,3 +61,7 @@ class Spent:
             if limit is not None
         ]
         return max(shares)
+
+    def step_fraction(self, budget: Budget) -> float:
+        """The used share of the steps; where they have no limit, of the budget."""
+        return self.fraction(budget) if budget.steps is None else self.steps / budget.steps

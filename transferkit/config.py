@@ -123,8 +123,8 @@ class DynaConfig:
     critic_learning_rate: float = 3e-4
     """Adam step size of the critics."""
     schedule: Literal["fixed", "linear"] = "linear"
-    """Learning rates of actor and critics: fixed, or linear to zero over the second half of the budget. Not over all of it:
-    60 episodes are 300 steps where every one fails, and then thousands."""
+    """Learning rates of actor and critics: fixed, or linear to zero over the second half of the budget's steps. Not over all of
+    it, nor by episodes where steps are limited too: 60 episodes are 300 steps where every one fails, and then thousands."""
     discount_seconds: float | None = 2.0
     """Time constant of the discount: a step is discounted by exp(-time step / it), so that tasks with other time steps look
     equally far ahead (Doya 2000; Tallec et al. 2019). None takes `gamma`."""

@@ -41,7 +41,7 @@ def agent(pendulum_spec):
         architecture = Architecture(4, 1, (16, 16), "relu")
         policy = ScratchPolicy.create(architecture, Streams(0).torch("policy"), init_std=1.0, normalize=True)
         made = make_agent(policy, pendulum_spec, replace(TINY, **options))
-        made.set_progress(0.0)
+        made.set_progress(0.0, 0.0)
         generator = Streams(0).torch("transitions")
         for _ in range(20):
             draw = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
@@ -69,7 +69,7 @@ def test_targets_move_by_tau_and_actors_learn_every_second_update(agent, monkeyp
 def test_learning_rates_fall_to_zero_in_the_second_half(agent):
     made = agent(schedule="linear", actor_learning_rate=0.1)
     for progress, rate in ((0.4, 0.1), (0.75, 0.05), (1.0, 0.0)):
-        made.set_progress(progress)
+        made.set_progress(progress, progress)
         assert made.actor_optimizer.param_groups[0]["lr"] == pytest.approx(rate)
 
 
@@ -116,11 +116,11 @@ def test_a_wrapped_core_learns_slower_and_stays_while_it_is_frozen(core_with_par
     scales = [part.lr_scale for part in learning_parts(made.critic, policy)]
     assert scales == [1.0, 0.2]
     weight = made.critic.ensemble.core.body[0].weight
-    made.set_progress(0.4)
+    made.set_progress(0.4, 0.4)
     assert not weight.requires_grad
     made._update_actor(torch.zeros(2, 4))
     assert not weight.requires_grad
-    made.set_progress(0.6)
+    made.set_progress(0.6, 0.6)
     assert weight.requires_grad
 
 
@@ -128,7 +128,7 @@ def test_every_part_frozen_is_no_error(core_with_parts, pendulum_spec):
     parts = wrap(core_with_parts, pendulum_spec).parts()
     policy = wrap(core_with_parts, pendulum_spec, freeze=dict.fromkeys(parts, 1.0))
     made = make_agent(policy, pendulum_spec, replace(TINY, critics=2, model_members=3))
-    made.set_progress(0.0)
+    made.set_progress(0.0, 0.0)
     made._update_actor(torch.zeros(2, 4))
 
 
@@ -163,7 +163,7 @@ def test_novelty_is_the_reward_until_rewards_or_ends_tell_more(agent):
 def test_noise_falls_over_the_budget(agent):
     made = agent(exploration_noise=0.5, final_noise=0.1)
     for progress, noise in ((0.0, 0.5), (0.5, 0.3), (1.0, 0.1)):
-        made.set_progress(progress)
+        made.set_progress(progress, progress)
         assert made.noise == pytest.approx(noise)
 
 

@@ -52,7 +52,7 @@ class Agent:
         self.imagination = streams.torch("imagination", device)
         self._warming_up = config.random_steps > 0
         self.losses: dict[str, Tensor] = {}
-        self.set_progress(0.0)
+        self.set_progress(0.0, 0.0)
 
     @torch.no_grad()
     def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -112,14 +112,14 @@ class Agent:
             largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
         return config.reward_scale * max(1.0, largest) / (1 - config.gamma)
 
-    def set_progress(self, progress: float) -> None:
-        """Freeze, unfreeze and calm down for a run that has used this share of its budget."""
+    def set_progress(self, progress: float, step_progress: float) -> None:
+        """Freeze, unfreeze and calm down for a run that has used these shares of its budget and of its steps."""
         self._progress, config = progress, self.config
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
             thaw(part, self.policy, progress)
-        factor = min(1.0, 2 * (1 - progress)) if config.schedule == "linear" else 1.0
+        factor = min(1.0, 2 * (1 - step_progress)) if config.schedule == "linear" else 1.0
         rates = config.actor_learning_rate, config.critic_learning_rate
         for optimizer, rate in zip((self.actor_optimizer, self.critic_optimizer), rates, strict=True):
             for group in optimizer.param_groups:

@@ -46,7 +46,7 @@ def train(
         Interrupted: a signal came; the state is on disk.
     """
     agent = Agent(policy.to(device), critic.to(device), model.to(device), config, streams, device)
-    agent.set_progress(session.progress)
+    agent.set_progress(session.progress, session.step_progress)
     if resume_from is None:
         observation = envs.reset()
     else:
@@ -61,7 +61,7 @@ def train(
             session.directory.append("model", {"steps": session.spent.steps, **diagnose(model, agent.buffer)})
         agent.learn()
         if session.spent.steps % LOG_EVERY == 0:
-            agent.set_progress(session.progress)
+            agent.set_progress(session.progress, session.step_progress)
             _check_values(agent, session)
             session.after_update(agent.metrics(), lambda: {"agent": agent.state(), "envs": envs.state()})
     return {"critic": critic, **({"dynamics": model} if agent.fitted else {})}

@@ -53,6 +53,11 @@ class Session:
         """Share of the budget that is spent."""
         return self.spent.fraction(self.budget)
 
+    @property
+    def step_progress(self) -> float:
+        """Share of the budget's steps that is spent; of the budget, where it does not limit them."""
+        return self.spent.step_fraction(self.budget)
+
     def count(self, index: int, reward: float, terminated: bool, truncated: bool) -> bool:  # noqa: FBT001
         """Book one step of one environment; True once the budget is reached."""
         spent = self.spent
