@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+from scipy import stats as scipy_stats
+
+from transferkit.stats import (
+    area,
+    asymptote,
+    data_efficiency,
+    holm_differences,
+    iqm,
+    jumpstart,
+    mean_interval,
+    paired_difference,
+    performance_profile,
+    probability_of_improvement,
+    steps_to_threshold,
+)
+
+RNG = np.random.default_rng(0)
+A, B = RNG.normal(1, 1, 12), RNG.normal(0, 1, 15)
+
+
+def test_paired_differences_take_out_what_the_seeds_share():
+    seeds = np.arange(10.0) * 100
+    difference = paired_difference(seeds + np.linspace(0.9, 1.1, 10), seeds)
+    assert difference.mean == pytest.approx(1.0)
+    assert 0.9 < difference.low < 1 < difference.high < 1.1
+    crossed = paired_difference(np.stack((seeds + 1, seeds + 3)), seeds)  # two members against one scratch run a seed
+    assert crossed.mean == pytest.approx(2.0)
+    assert crossed.n == 10
+    with pytest.raises(ValueError, match="the same seeds"):
+        paired_difference(seeds, seeds[:9])
+
+
+def test_holm_widens_the_clearest_difference_most():
+    scores = RNG.normal(10, 1, 20)
+    controls = {"near": scores - RNG.normal(0.5, 1, 20), "far": scores - RNG.normal(9, 1, 20)}
+    plain = {name: paired_difference(scores, other) for name, other in controls.items()}
+    corrected = holm_differences(scores, controls)
+    wider = {name: (corrected[name].high - corrected[name].low) / (plain[name].high - plain[name].low) for name in controls}
+    assert list(corrected) == ["near", "far"]
+    assert wider["far"] > 1.1  # 97.5 % in place of 95 %
+    assert wider["near"] == pytest.approx(1, abs=0.05)
+    # alone, nothing is corrected
+    assert holm_differences(scores, {"far": controls["far"]})["far"].low == pytest.approx(plain["far"].low, abs=0.1)
+
+
+def test_probability_of_improvement_is_the_mann_whitney_statistic():
+    probability, low, high = probability_of_improvement(A, B)
+    assert probability == pytest.approx(scipy_stats.mannwhitneyu(A, B).statistic / (len(A) * len(B)))
+    assert low < probability < high
+    assert probability_of_improvement([1.0, 1.0], [1.0])[0] == 0.5
+
+
+def test_as_rliable():
+    from rliable import library, metrics
+
+    scores, others = RNG.normal(size=(10, 1)), RNG.normal(size=(10, 1))
+    assert iqm(scores.ravel()) == pytest.approx(metrics.aggregate_iqm(scores))
+    assert probability_of_improvement(scores, others)[0] == pytest.approx(metrics.probability_of_improvement(scores, others))
+    thresholds = np.linspace(-1, 1, 5)
+    profile = [library.run_score_deviation(scores, threshold) for threshold in thresholds]
+    np.testing.assert_allclose(performance_profile(scores, thresholds), profile)
+    mean, interval = library.get_interval_estimates({"a": scores}, lambda x: np.array([metrics.aggregate_mean(x)]), reps=2000)
+    assert mean["a"][0] == pytest.approx(scores.mean())
+    low, high = mean_interval(scores.ravel())
+    width = interval["a"][1, 0] - interval["a"][0, 0]  # rliable's percentiles, not moved outwards for ten runs
+    assert width < high - low < 1.4 * width
+
+
+def test_curves():
+    axis, values, others = [0, 100, 200, 1000], [10.0, 20.0, 30.0, 30.0], [5.0, 5.0, 5.0, 40.0]
+    assert jumpstart(values, others) == 5
+    assert area(axis, values) == pytest.approx((15 * 100 + 25 * 100 + 30 * 800) / 1000)
+    assert area([0], [3.0]) == 3
+    assert asymptote([0, 500, 900, 1000], [0.0, 1.0, 2.0, 4.0]) == 3
+    assert steps_to_threshold(axis, values, 25) == 200
+    assert steps_to_threshold(axis, values, 31) == float("inf")
+
+
+def test_data_efficiency_keeps_runs_that_never_get_there():
+    inf = float("inf")
+    assert data_efficiency([400, 600, inf], [100, 200, inf]) == 3
+    assert data_efficiency([400, 600, inf], [100, 200, inf], source=400) == 1
+    assert data_efficiency([inf, inf, 1], [5, 5, 5]) == inf
+    assert np.isnan(data_efficiency([inf], [inf]))

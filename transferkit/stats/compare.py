@@ -1,0 +1,87 @@
+"""One arm against another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from transferkit.stats.intervals import CONFIDENCE, RESAMPLES, crossed_interval
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Mean of paired differences, with its interval."""
+
+    mean: float
+    low: float
+    high: float
+    n: int
+    """Seeds."""
+
+
+def paired_difference(
+    scores: ArrayLike, others: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
+) -> Difference:
+    """Mean of `scores - others` over runs that share their seed.
+
+    Either is `(members, seeds)`, or `(seeds,)` for an arm without a core, which is then the partner of every member.
+
+    Raises:
+        ValueError: they do not have the same seeds.
+    """
+    a, b = np.atleast_2d(np.asarray(scores, float)), np.atleast_2d(np.asarray(others, float))
+    if a.shape[1] != b.shape[1]:
+        raise ValueError(f"paired arms need the same seeds; these have {a.shape[1]} and {b.shape[1]}")
+    difference = a - b
+    low, high = crossed_interval(difference, rng=rng, confidence=confidence)
+    return Difference(float(difference.mean()), low, high, difference.shape[1])
+
+
+def holm_differences(
+    scores: ArrayLike, controls: Mapping[str, ArrayLike], *, rng: np.random.Generator | None = None
+) -> dict[str, Difference]:
+    """The differences to several controls, with intervals that hold for all of them together (Holm 1979).
+
+    The clearest of m differences gets the confidence 1 - 0.05 / m, the next 1 - 0.05 / (m - 1), and so on.
+    """
+    generator = np.random.default_rng(0) if rng is None else rng
+    plain = {name: paired_difference(scores, other, rng=generator) for name, other in controls.items()}
+    order = sorted(plain, key=lambda name: _clearness(plain[name]), reverse=True)
+    corrected = {
+        name: paired_difference(scores, controls[name], rng=generator, confidence=1 - (1 - CONFIDENCE) / (len(order) - rank))
+        for rank, name in enumerate(order)
+    }
+    return {name: corrected[name] for name in controls}
+
+
+def probability_of_improvement(
+    scores: ArrayLike, others: ArrayLike, *, rng: np.random.Generator | None = None
+) -> tuple[float, float, float]:
+    """Probability that a run of the first arm beats one of the second, ties counted half, with its interval.
+
+    The Mann-Whitney statistic over the number of pairs (Agarwal et al. 2021); both arms resampled.
+    """
+    a, b = np.asarray(scores, float).ravel(), np.asarray(others, float).ravel()
+    generator = np.random.default_rng(0) if rng is None else rng
+    wins = _wins(a, b)
+    rows = generator.integers(len(a), size=(RESAMPLES, len(a), 1))
+    columns = generator.integers(len(b), size=(RESAMPLES, 1, len(b)))
+    low, high = np.quantile(wins[rows, columns].mean(axis=(1, 2)), [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return float(wins.mean()), float(low), float(high)
+
+
+def performance_profile(scores: ArrayLike, thresholds: ArrayLike) -> NDArray[np.float64]:
+    """Share of the runs above each threshold (Agarwal et al. 2021; Dolan & More 2002), `(thresholds,)`."""
+    return (np.asarray(scores, float).ravel()[None] > np.asarray(thresholds, float)[:, None]).mean(axis=1)
+
+
+def _wins(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return (a[:, None] > b[None]) + 0.5 * (a[:, None] == b[None])
+
+
+def _clearness(difference: Difference) -> float:
+    width = difference.high - difference.low
+    return abs(difference.mean) / width if width else np.inf

@@ -1,0 +1,47 @@
+"""What a learning curve says about transfer (Taylor & Stone 2009), on the axis of episodes or of environment steps.
+
+A curve is evaluations `values` after `axis` units of experience, both `(points,)`, `axis` growing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+LAST = 0.1
+"""Share of the budget whose evaluations make the asymptote."""
+
+
+def jumpstart(values: ArrayLike, others: ArrayLike) -> float:
+    """Advantage before any training: the first evaluation minus that of the other curve."""
+    return float(np.asarray(values, float)[0] - np.asarray(others, float)[0])
+
+
+def area(axis: ArrayLike, values: ArrayLike) -> float:
+    """Mean height under the curve, by trapezia, between its first and its last point."""
+    x, y = np.asarray(axis, float), np.asarray(values, float)
+    return float(y[0]) if len(x) == 1 else float(np.trapezoid(y, x) / (x[-1] - x[0]))
+
+
+def asymptote(axis: ArrayLike, values: ArrayLike) -> float:
+    """Mean of the evaluations in the last tenth of the budget."""
+    x, y = np.asarray(axis, float), np.asarray(values, float)
+    return float(y[x >= x[-1] - LAST * (x[-1] - x[0])].mean())
+
+
+def steps_to_threshold(axis: ArrayLike, values: ArrayLike, threshold: float) -> float:
+    """Experience at the first evaluation that reaches the threshold; infinite for a curve that never does.
+
+    A median over runs stays right with infinities in it, as long as fewer than half are: they are censored, not left out.
+    """
+    reached = np.flatnonzero(np.asarray(values, float) >= threshold)
+    return float(np.asarray(axis, float)[reached[0]]) if len(reached) else float("inf")
+
+
+def data_efficiency(scratch: ArrayLike, transfer: ArrayLike, *, source: float = 0.0) -> float:
+    """How many times as much experience scratch needs to the threshold, by medians over runs; NaN where neither gets there.
+
+    `source` is the experience that the core cost, for the total.
+    """
+    needed, by_scratch = float(np.median(np.asarray(transfer, float))) + source, float(np.median(np.asarray(scratch, float)))
+    return float("nan") if np.isinf(needed) and np.isinf(by_scratch) else by_scratch / needed
