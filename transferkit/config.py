@@ -296,8 +296,9 @@ class WrapConfig:
     """The healthy sandwich, or the paper's with its ReLUs and its shared output layer."""
     tap: Literal["features", "action"] = "features"
     """Take the core's last hidden layer, or its action output as the paper does."""
-    adapter: Literal["auto", "semantic", "random"] = "auto"
-    """Fill the adapters from what the numbers mean, or at random; auto is semantic where anything matches."""
+    adapter: Literal["auto", "semantic", "random", "pad"] = "auto"
+    """Fill the adapters from what the numbers mean, at random, or (a control) element by element with zeros for what lacks;
+    auto is semantic where anything matches, else random."""
     finetune: bool = True
     """Square residual layers beside the core, the identity until trained."""
     residual: int = 0

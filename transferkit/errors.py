@@ -47,5 +47,9 @@ class RunDirectoryError(TransferkitError):
     """A run directory that is in use, missing, damaged, or made with another configuration."""
 
 
+class RunInUseError(RunDirectoryError):
+    """Another process is writing the run directory, or is still saving it."""
+
+
 class Interrupted(TransferkitError):  # noqa: N818 - not a fault
     """Ctrl-C or SIGTERM: the state is on disk and the message says how to resume."""

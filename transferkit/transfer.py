@@ -57,11 +57,19 @@ class Result:
     run_dir: str
 
 
-def run_training(config: TrainConfig, *, out: Path | None = None, resume: bool = False, report: Report | None = None) -> Result:
+def run_training(
+    config: TrainConfig,
+    *,
+    policy: Policy | None = None,
+    out: Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
+) -> Result:
     """Do what a configuration says: build the policy, train it, evaluate it, and keep everything in `out`.
 
     Args:
         config: the whole run.
+        policy: an untrained one in place of that which the configuration describes: a control.
         out: its directory; by default `runs/` with a name made of the configuration.
         resume: go on where the directory stopped, start where there is none, return the result where it is finished.
         report: called after every update.
@@ -72,7 +80,8 @@ def run_training(config: TrainConfig, *, out: Path | None = None, resume: bool =
     budget = Budget(config.episodes, config.steps, config.seconds)
     core = None if config.core is None else load_core(config.core)
     make = lambda: make_env(config.env, clip_actions=config.ppo.clip_actions)  # noqa: E731 - a factory of this run
-    return _execute(lambda: _new_policy(config, core), make, budget, config, core, out, resume=resume, report=report)
+    make_policy = lambda: new_policy(config, core) if policy is None else policy  # noqa: E731
+    return _execute(make_policy, make, budget, config, core, out, resume=resume, report=report)
 
 
 def train(
@@ -121,6 +130,26 @@ def train(
     make = lambda: make_env(env if isinstance(env, str) else env(), clip_actions=full.ppo.clip_actions)  # noqa: E731
     where = None if out is None else Path(out)
     return _execute(lambda: policy, make, budget, full, None, where, resume=resume, report=report)
+
+
+def new_policy(config: TrainConfig, core: Core | None) -> Policy:
+    """The untrained policy of a run: around a core, or from scratch."""
+    if core is not None:
+        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
+    env = make_env(config.env)
+    assert env.observation_space.shape is not None
+    assert env.action_space.shape is not None
+    dims = env.observation_space.shape[0], env.action_space.shape[0]
+    env.close()
+    generator = Streams(config.seed).torch("policy initialisation")
+    ppo, dyna = config.ppo, config.dyna
+    if config.algo != "dyna-ddpg":
+        architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
+        return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
+    architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=dyna.squash)
+    return ScratchPolicy.create(
+        architecture, generator, init_std=dyna.exploration_noise or 1.0, normalize=dyna.normalize_observation
+    )
 
 
 def load_policy(run_dir: str | Path) -> Policy:
@@ -271,25 +300,6 @@ def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirect
     if resume and (out / RECORD).exists():
         return RunDirectory.resume(out, record)
     return RunDirectory.create(out, record), None
-
-
-def _new_policy(config: TrainConfig, core: Core | None) -> Policy:
-    if core is not None:
-        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
-    env = make_env(config.env)
-    assert env.observation_space.shape is not None
-    assert env.action_space.shape is not None
-    dims = env.observation_space.shape[0], env.action_space.shape[0]
-    env.close()
-    generator = Streams(config.seed).torch("policy initialisation")
-    ppo, dyna = config.ppo, config.dyna
-    if config.algo != "dyna-ddpg":
-        architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
-        return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
-    architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=dyna.squash)
-    return ScratchPolicy.create(
-        architecture, generator, init_std=dyna.exploration_noise or 1.0, normalize=dyna.normalize_observation
-    )
 
 
 def _check_dims(policy: Policy, env: gymnasium.Env, name: str) -> None:

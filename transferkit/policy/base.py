@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from transferkit.errors import ConfigError
+from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.nn.normalizer import Normalizer
 from transferkit.nn.policy_net import Architecture, PolicyNet
 from transferkit.table import format_table
@@ -139,3 +141,27 @@ class ScratchPolicy(Policy):
             "architecture": self.network.architecture.to_json(),
             "normalize": self.normalizer is not None,
         }
+
+
+class ConstantPolicy(Policy):
+    """A Gaussian that does not look at the observation: what can be had by a bias and a deviation alone."""
+
+    def __init__(self, obs_dim: int, act_dim: int, *, init_std: float = 1.0) -> None:
+        super().__init__()
+        self.obs_dim, self.act_dim, self.normalizer = obs_dim, act_dim, None
+        self.lr_scale, self.freeze = {}, {}
+        self.bias = nn.Parameter(torch.zeros(act_dim))
+        self.log_std = nn.Parameter(torch.full((act_dim,), math.log(init_std)))
+
+    def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
+        """The same mean and log-std for every row."""
+        rows = (len(observation), self.act_dim)
+        return self.bias.expand(rows), self.log_std.clamp(*LOG_STD_BOUNDS).expand(rows)
+
+    def parts(self) -> dict[str, nn.Module | nn.Parameter]:
+        """Both parameters."""
+        return {"bias": self.bias, "log_std": self.log_std}
+
+    def blueprint(self) -> dict[str, Any]:
+        """Its dimensions."""
+        return {"kind": "constant", "obs_dim": self.obs_dim, "act_dim": self.act_dim}

@@ -96,6 +96,14 @@ def match(source: IOSpec, target: IOSpec) -> Match:
     )
 
 
+def padded(source: IOSpec, target: IOSpec) -> Match:
+    """The control that matches nothing: element k for element k, zeros where the target has fewer."""
+    weight, action = np.eye(source.obs_dim, target.obs_dim), np.eye(target.act_dim, source.act_dim)
+    form = tuple("linear" if k < target.obs_dim else "none" for k in range(source.obs_dim))
+    rows = [tuple(map(tuple, matrix.tolist())) for matrix in (weight, action)]
+    return Match((), (), rows[0], (0.0,) * source.obs_dim, form, rows[1], {}, 1.0)
+
+
 def explain(found: Match, source: IOSpec, target: IOSpec) -> str:
     """One line for every core input and target action: what it was matched with, or that it was not."""
     names = [e.name for e in target.observation]

@@ -40,6 +40,7 @@ class Sandwich(Policy):
         self._specs, self._match, self.config = specs, found, config
         self.squash = config.tap == "features" and core.architecture.squash
         self.origin = origin
+        self._adapter = "random" if found is None else "pad" if config.adapter == "pad" else "semantic"
         self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
         self.normalizer = Normalizer(target.obs_dim)
@@ -93,7 +94,7 @@ class Sandwich(Policy):
             adapters = "adapters: random; nothing is matched"
         else:
             pairs = ", ".join(f"{a} -> {b}" for a, b in self._match.joints.items())
-            adapters = f"adapters: semantic; joints {pairs}\n{explain(self._match, source, target)}"
+            adapters = f"adapters: {self._adapter}; joints {pairs}\n{explain(self._match, source, target)}"
         return "\n".join((dims, core, adapters, super().describe()))
 
     def blueprint(self) -> dict[str, Any]:
@@ -107,7 +108,7 @@ class Sandwich(Policy):
             "tap": self.config.tap,
             "finetune": self.config.finetune,
             "residual": self.config.residual,
-            "semantic": self._match is not None,
+            "adapter": self._adapter,
         }
 
     def _residual_column(self, width: int, generator: torch.Generator | None) -> nn.Module:

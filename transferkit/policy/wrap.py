@@ -12,9 +12,9 @@ from transferkit.config import WRAP_PRESETS, Preset, WrapConfig
 from transferkit.envs.probe import derive_spec
 from transferkit.errors import ConfigError, DimensionError
 from transferkit.nn import Architecture, Normalizer, PolicyNet
-from transferkit.policy.base import Policy, ScratchPolicy
+from transferkit.policy.base import ConstantPolicy, Policy, ScratchPolicy
 from transferkit.policy.core import Core, Origin
-from transferkit.policy.match import Match, match
+from transferkit.policy.match import Match, match, padded
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
 from transferkit.run.streams import Streams
@@ -71,6 +71,8 @@ def build(blueprint: Mapping[str, Any]) -> Policy:
     Raises:
         KeyError, TypeError, ValueError: not a blueprint of this version.
     """
+    if blueprint["kind"] == "constant":
+        return ConstantPolicy(blueprint["obs_dim"], blueprint["act_dim"])
     if blueprint["kind"] == "scratch":
         architecture = Architecture.from_json(blueprint["architecture"])
         return ScratchPolicy.create(architecture, None, init_std=1.0, normalize=blueprint["normalize"])
@@ -78,10 +80,10 @@ def build(blueprint: Mapping[str, Any]) -> Policy:
     specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
     if blueprint["kind"] == "paper":
         return PaperSandwich(network, specs, WRAP_PRESETS["paper"], None)
-    options = {name: blueprint[name] for name in ("tap", "finetune", "residual") if name in blueprint}
+    options = {name: blueprint[name] for name in ("tap", "adapter", "finetune", "residual")}
     normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
-    found = match(*specs) if blueprint["semantic"] else None
-    return Sandwich(network, normalizer, specs, WrapConfig(**options, lr_scale={}), found, None, init_std=1.0)
+    config = WrapConfig(**options, lr_scale={})
+    return Sandwich(network, normalizer, specs, config, _match(config, *specs), None, init_std=1.0)
 
 
 def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:
@@ -96,6 +98,8 @@ def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:
 def _match(config: WrapConfig, source: IOSpec, target: IOSpec) -> Match | None:
     if config.adapter == "random":
         return None
+    if config.adapter == "pad":
+        return padded(source, target)
     found = match(source, target)
     if found.found:
         return found

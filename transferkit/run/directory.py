@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
-from transferkit.errors import RunDirectoryError
+from transferkit.errors import RunDirectoryError, RunInUseError
 from transferkit.run.files import load_state, save_state, write_json, writing
 from transferkit.versions import command, git_state, versions
 
@@ -135,7 +135,7 @@ class RunDirectory:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             lock.close()
-            raise RunDirectoryError(f"another process is writing {self.path}; wait for it or pass another --out DIR") from None
+            raise RunInUseError(f"another process is writing {self.path}; wait for it or pass another --out DIR") from None
         return lock
 
     def _open(self, name: str) -> None:

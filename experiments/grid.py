@@ -1,0 +1,168 @@
+"""Grids of runs in TOML, checked before anything runs.
+
+```toml
+episodes = 200                       # and/or steps, seconds; as in every budget
+cores = ["inverted-pendulum-v1"]
+members = [0, 1]                     # source seeds of each core, crossed with the seeds
+targets = ["InvertedDoublePendulum-v5"]
+arms = ["transfer", "scratch", "random"]
+seeds = "0-9"                        # or a list
+eval_every = 500
+
+[[trainer]]
+algo = "ppo"
+preset = "default"
+set = { "ppo.learning_rate" = 1e-3 } # any field of the configuration
+```
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any, get_args
+
+from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
+from transferkit.budget import Budget
+from transferkit.config import Algorithm, Preset, TrainConfig, preset
+from transferkit.envs import environment_ids
+from transferkit.errors import ConfigError
+from transferkit.zoo.artifact import load_core
+
+
+@dataclass(frozen=True)
+class Trainer:
+    """One way to train."""
+
+    algo: Algorithm = "ppo"
+    preset: Preset = "default"
+    set: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the configuration by dotted name, over the preset."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One run."""
+
+    core: str
+    """Empty for arms that have none."""
+    member: int
+    target: str
+    arm: str
+    config: TrainConfig
+
+    @property
+    def id(self) -> str:
+        """Hash of everything that determines the run."""
+        data = {"arm": self.arm, "core": self.core, "config": asdict(self.config)}
+        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """What tables are grouped by."""
+        config = self.config
+        names = {"core": self.core, "member": self.member, "target": self.target, "arm": self.arm}
+        return names | {"algo": config.algo, "preset": config.preset, "seed": config.seed}
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The product of its lists."""
+
+    cores: tuple[str, ...]
+    targets: tuple[str, ...]
+    arms: tuple[str, ...]
+    seeds: tuple[int, ...]
+    trainer: tuple[Trainer, ...] = (Trainer(),)
+    members: tuple[int, ...] = (0,)
+    episodes: int | None = None
+    steps: int | None = None
+    seconds: float | None = None
+    eval_every: int = 0
+    eval_episodes: int = 20
+
+    def __post_init__(self) -> None:
+        Budget(self.episodes, self.steps, self.seconds)
+        _check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
+        _check_names("target", self.targets, environment_ids())
+        for trainer in self.trainer:
+            _check_names("algo", (trainer.algo,), get_args(Algorithm))
+            _check_names("preset", (trainer.preset,), get_args(Preset))
+        for core in map(load_core, self.cores):
+            for member in self.members:
+                core.network(member)
+        list(self.cells())
+
+    def cells(self) -> list[Cell]:
+        """Every run once: arms without a core are not repeated for every core and member."""
+        found: dict[str, Cell] = {}
+        lists = self.cores, self.members, self.targets, self.trainer, self.arms, self.seeds
+        for core, member, target, trainer, arm, seed in itertools.product(*lists):
+            plain = TrainConfig(target, core=core, member=member, algo=trainer.algo, seed=seed)
+            config = _override(preset(plain, trainer.preset), trainer.set)
+            bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
+            config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
+            cell = Cell(core, member, target, arm, config)
+            if arm in WITHOUT_CORE:
+                cell = replace(cell, core="", member=0, config=replace(config, core=None, member=0))
+            if arm == ZERO_ACTION:
+                cell = Cell("", 0, target, arm, TrainConfig(target, eval_episodes=self.eval_episodes))
+            found.setdefault(cell.id, cell)
+        return list(found.values())
+
+
+def load_grid(path: Path) -> Grid:
+    """Read and check a grid.
+
+    Raises:
+        ConfigError: no such file, no TOML, an unknown key, or a value that cannot be.
+    """
+    try:
+        data = tomllib.loads(path.read_text())
+    except FileNotFoundError:
+        raise ConfigError(f"{path} does not exist; grids lie in experiments/grids") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} is no TOML: {error}") from None
+    known = [f.name for f in fields(Grid)]
+    _check_names("key", data, known)
+    for name in ("cores", "targets", "arms", "seeds"):
+        if not data.get(name):
+            raise ConfigError(f"{path} has no {name}; give a list")
+    data["seeds"] = _seeds(data["seeds"])
+    if "trainer" in data:
+        for trainer in data["trainer"]:
+            _check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
+        data["trainer"] = [Trainer(**trainer) for trainer in data["trainer"]]
+    return Grid(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
+
+
+def _seeds(value: object) -> list[int]:
+    if isinstance(value, list) and all(isinstance(seed, int) for seed in value):
+        return value
+    first, dash, last = str(value).partition("-")
+    if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
+        raise ConfigError(f'seeds={value!r} must be a list of whole numbers, or "0-9"')
+    return list(range(int(first), int(last) + 1))
+
+
+def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
+    for name, value in values.items():
+        section, _, key = name.partition(".")
+        part = getattr(config, section, None)
+        if section not in ("ppo", "dyna", "wrap") or not hasattr(part, key):
+            raise ConfigError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD")
+        fixed = tuple(value) if isinstance(value, list) else value
+        config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
+    return config
+
+
+def _check_names(what: str, names: Any, known: Any) -> None:  # noqa: ANN401 - any collections of strings
+    for name in names:
+        if name not in known:
+            shown = ", ".join(list(known)[:20]) + (", ..." if len(known) > 20 else "")
+            raise ConfigError(f"unknown {what} {name!r}; known are {shown}")

@@ -1,0 +1,196 @@
+"""Run a grid: `python -m experiments.matrix experiments/grids/first.toml --out results/first [--workers 2] [--dry-run]`.
+
+Every run is a folder `cells/<hash of its configuration>` with a run directory in it. The same command goes on after any
+interruption; folders of several machines are merged by copying them into one `cells`. `cells.csv` holds one row for every
+finished run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+import shlex
+import sys
+import time
+from collections import Counter
+from collections.abc import Sequence
+from concurrent.futures import as_completed
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
+from experiments.grid import Cell, load_grid
+from transferkit.config import TrainConfig
+from transferkit.envs import make_env
+from transferkit.errors import RunInUseError, TransferkitError
+from transferkit.evaluation import ZeroPolicy, evaluate
+from transferkit.policy import Policy
+from transferkit.run.directory import RESULT, read_json
+from transferkit.run.files import write_atomically, write_json
+from transferkit.run.workers import worker_pool
+from transferkit.table import format_table
+from transferkit.transfer import run_training
+from transferkit.zoo.artifact import load_core
+
+CELL, ERROR, TABLE = "cell.json", "error.txt", "cells.csv"
+MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
+
+PATIENCE = 20.0
+"""Seconds to wait for a run that another process is writing."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a cell."""
+
+    cell: Cell
+    error: str = ""
+    """Empty where it finished."""
+
+
+def main() -> int:
+    """Run what is not done; the exit status is 1 where a cell failed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("grid", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
+    options = parser.parse_args()
+    try:
+        cells = load_grid(options.grid).cells()
+    except TransferkitError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    todo = [cell for cell in cells if not finished(options.out, cell).exists()]
+    print(plan(cells, todo, options.out, options.workers))
+    if options.dry_run:
+        return 0
+    failed = run_all(todo, options.out, options.workers)
+    rows = collect(options.out)
+    print(f"{len(rows)} finished runs in {options.out / TABLE}")
+    for outcome in failed:
+        print(f"failed: {outcome.cell.row}: {outcome.error}", file=sys.stderr)
+    if failed:
+        print(f"{len(failed)} of {len(cells)} runs failed; the same command tries them again", file=sys.stderr)
+    return 1 if failed else 0
+
+
+def folder(out: Path, cell: Cell) -> Path:
+    """Where a cell lies: what it is, its run directory in `run`, and its error if it has failed."""
+    return out / "cells" / cell.id
+
+
+def finished(out: Path, cell: Cell) -> Path:
+    """The result of a cell's run, where it has one."""
+    return folder(out, cell) / "run" / RESULT
+
+
+def plan(cells: Sequence[Cell], todo: Sequence[Cell], out: Path, workers: int) -> str:
+    """How many runs there are, and how long they will take by the finished ones of the same trainer and target."""
+    known = [(row["target"], row["algo"], float(row["seconds"])) for row in table(out) if row["arm"] != ZERO_ACTION]
+    rows, total = [], 0.0
+    for (target, algo), count in Counter((cell.row["target"], cell.row["algo"]) for cell in cells).items():
+        left = sum((cell.row["target"], cell.row["algo"]) == (target, algo) for cell in todo)
+        seconds = [s for t, a, s in known if (t, a) == (target, algo)]
+        each = sum(seconds) / len(seconds) if seconds else None
+        total += left * (each or 0.0)
+        rows.append((target, algo, str(count), str(left), "not known yet" if each is None else f"{each:.0f} s"))
+    lines = format_table(("target", "trainer", "runs", "to do", "each"), rows)
+    return f"{lines}\n{len(cells)} runs, {len(todo)} to do; at least {total / workers / 60:.0f} minutes with {workers} workers"
+
+
+def run_all(cells: Sequence[Cell], out: Path, workers: int) -> list[Outcome]:
+    """Run cells in processes of their own; returns those that failed."""
+    started, failed = time.monotonic(), []
+    command = shlex.join(sys.argv)
+    with worker_pool(workers) as pool:
+        waiting = [pool.submit(run_cell, cell, out, command) for cell in cells]
+        for done, future in enumerate(as_completed(waiting), 1):
+            outcome = future.result()
+            failed += [outcome] if outcome.error else []
+            left = (time.monotonic() - started) / done * (len(cells) - done)
+            print(f"{done} of {len(cells)}, {left / 60:.0f} min left: {describe(outcome, out)}", file=sys.stderr, flush=True)
+    return failed
+
+
+def run_cell(cell: Cell, out: Path, command: str) -> Outcome:
+    """Run one cell in its folder, going on where it stopped; an error is written there and returned, not raised."""
+    where = folder(out, cell)
+    where.mkdir(parents=True, exist_ok=True)
+    write_json(where / CELL, {"id": cell.id, **cell.row, "command": command, "config": asdict(cell.config)})
+    try:
+        if cell.arm == ZERO_ACTION:
+            finished(out, cell).parent.mkdir(exist_ok=True)
+            write_json(finished(out, cell), evaluate_nothing(cell))
+        else:
+            arm = WITHOUT_CORE[cell.arm] if cell.arm in WITHOUT_CORE else partial(ARMS[cell.arm], core=load_core(cell.core))
+            config, policy = arm(cell.config)
+            train_when_free(config, policy, where / "run")
+    except Exception as error:  # one broken run must not end the others
+        write_atomically(where / ERROR, f"{type(error).__name__}: {error}\n".encode())
+        return Outcome(cell, f"{type(error).__name__}: {error}")
+    (where / ERROR).unlink(missing_ok=True)
+    return Outcome(cell)
+
+
+def train_when_free(config: TrainConfig, policy: Policy, out: Path) -> None:
+    """Train, and wait first for a worker of a killed matrix that is still saving this run."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        try:
+            run_training(config, policy=policy, out=out, resume=True)
+        except RunInUseError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.2)
+        else:
+            return
+
+
+def evaluate_nothing(cell: Cell) -> dict[str, Any]:
+    """The result of a run that never acts."""
+    env = make_env(cell.config.env)
+    dims = env.action_space.shape
+    env.close()
+    assert dims is not None
+    scores = evaluate(ZeroPolicy(dims[0]), cell.config.env, episodes=cell.config.eval_episodes).row()
+    score = {f"eval_{name}": scores[name] for name in ("return_mean", "return_std")}
+    return {"episodes": 0, "steps": 0, "seconds": 0.0, **score, "eval_episodes": cell.config.eval_episodes}
+
+
+def describe(outcome: Outcome, out: Path) -> str:
+    """One line about a cell that ended."""
+    row = outcome.cell.row
+    name = f"{row['arm']} {row['core']} {row['target']} {row['algo']} seed {row['seed']}"
+    if outcome.error:
+        return f"{name} FAILED: {outcome.error}"
+    return f"{name}: {read_json(finished(out, outcome.cell))['eval_return_mean']:.1f}"
+
+
+def table(out: Path) -> list[dict[str, Any]]:
+    """A row for every finished run, in an order that does not depend on when they ran."""
+    rows = []
+    for path in sorted((out / "cells").glob(f"*/run/{RESULT}")):
+        cell, result = read_json(path.parents[1] / CELL), read_json(path)
+        names = [name for name in cell if name not in ("config", "command")]
+        rows.append({name: cell[name] for name in names} | {name: result[name] for name in MEASURED})
+    return sorted(rows, key=lambda row: [str(row[name]) for name in row])
+
+
+def collect(out: Path) -> list[dict[str, Any]]:
+    """Write the table of all finished runs."""
+    rows = table(out)
+    if rows:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+        write_atomically(out / TABLE, text.getvalue().encode())
+    return rows
+
+
+if __name__ == "__main__":
+    sys.exit(main())

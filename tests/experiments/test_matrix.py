@@ -1,0 +1,101 @@
+import csv
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from experiments import matrix
+from experiments.grid import load_grid
+from transferkit.errors import TransferkitError
+
+GRID = """
+steps = 150
+cores = ["inverted-pendulum-v1"]
+targets = ["InvertedDoublePendulum-v5"]
+arms = ["transfer", "scratch", "random", "zero-action"]
+seeds = "0-1"
+eval_episodes = 2
+"""
+
+
+@pytest.fixture
+def grid(tmp_path):
+    def write(text=GRID):
+        path = tmp_path / "grid.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def results(out):
+    with (out / matrix.TABLE).open() as file:
+        return [{name: value for name, value in row.items() if name != "seconds"} for row in csv.DictReader(file)]
+
+
+def start(grid, out):
+    command = [sys.executable, "-m", "experiments.matrix", str(grid), "--out", str(out), "--workers", "1"]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
+    text = GRID.replace('arms = ["transfer"', 'members = [0, 1]\narms = ["constant", "transfer"')
+    cells = load_grid(grid(text)).cells()
+    counts = {
+        arm: sum(cell.arm == arm for cell in cells) for arm in ("transfer", "random", "scratch", "constant", "zero-action")
+    }
+    assert counts == {"transfer": 4, "random": 4, "scratch": 2, "constant": 2, "zero-action": 1}
+    assert len({cell.id for cell in cells}) == len(cells)
+    trained = GRID + '[[trainer]]\nset = { "ppo.epochs" = 3 }\n'
+    assert {cell.config.ppo.epochs for cell in load_grid(grid(trained)).cells() if cell.arm == "transfer"} == {3}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("steps = 150", "", "no budget given"),
+        ('"transfer"', '"transfers"', "unknown arm 'transfers'"),
+        ("InvertedDoublePendulum-v5", "Inverted-v0", "unknown target 'Inverted-v0'"),
+        ("inverted-pendulum-v1", "nothing-v1", "nothing-v1"),
+        ('"0-1"', '"1-0"', "must be a list of whole numbers"),
+        ("steps = 150", "steps = 150\nmembers = [9]", "no member 9"),
+        ("steps = 150", "step = 150", "unknown key 'step'"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.speed" = 1 }', "no field ppo.speed"),
+        ("eval_episodes = 2", '[[trainer]]\nalgo = "sac"', "unknown algo 'sac'"),
+        ("eval_episodes = 2", "eval_episodes = ", "is no TOML"),
+    ],
+)
+def test_a_wrong_grid_is_refused_before_anything_runs(grid, old, new, message):
+    with pytest.raises(TransferkitError, match=message):
+        load_grid(grid(GRID.replace(old, new)))
+
+
+def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
+    path = grid()
+    start(path, tmp_path / "whole").wait()
+    killed = start(path, tmp_path / "killed")
+    deadline = time.monotonic() + 120
+    while not list((tmp_path / "killed").glob("cells/*/run/result.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    killed.send_signal(signal.SIGKILL)
+    killed.wait()
+    assert not (tmp_path / "killed" / matrix.TABLE).exists()
+    assert start(path, tmp_path / "killed").wait() == 0
+    assert results(tmp_path / "killed") == results(tmp_path / "whole")
+    assert len(results(tmp_path / "whole")) == 7
+
+
+def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):
+    cell = load_grid(grid()).cells()[0]
+    with monkeypatch.context() as patch:
+        patch.setattr(matrix, "run_training", lambda *_, **__: 1 / 0)
+        outcome = matrix.run_cell(cell, tmp_path, "test")
+    assert outcome.error == "ZeroDivisionError: division by zero"
+    error = matrix.folder(tmp_path, cell) / matrix.ERROR
+    assert error.exists()
+    assert matrix.collect(tmp_path) == []
+    assert matrix.run_cell(cell, tmp_path, "test").error == ""
+    assert not error.exists()
+    assert matrix.collect(tmp_path)[0]["arm"] == "transfer"
