@@ -13,6 +13,10 @@ eval_every = 500
 algo = "ppo"
 preset = "default"
 set = { "ppo.learning_rate" = 1e-3 } # any field of the configuration
+
+[[part]]                             # several products in one file: what each has in place of the keys above
+targets = ["Hopper-v5"]
+seeds = "0-4"
 ```
 """
 
@@ -116,11 +120,12 @@ class Grid:
         return list(found.values())
 
 
-def load_grid(path: Path) -> Grid:
-    """Read and check a grid.
+def load_cells(path: Path) -> list[Cell]:
+    """Every run of a grid's file, once.
 
     Raises:
         ConfigError: no such file, no TOML, an unknown key, or a value that cannot be.
+        TransferkitError: an unknown core or member.
     """
     try:
         data = tomllib.loads(path.read_text())
@@ -128,16 +133,19 @@ def load_grid(path: Path) -> Grid:
         raise ConfigError(f"{path} does not exist; grids lie in experiments/grids") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path} is no TOML: {error}") from None
-    known = [f.name for f in fields(Grid)]
-    _check_names("key", data, known)
+    parts = data.pop("part", [{}])
+    return list({cell.id: cell for part in parts for cell in _grid({**data, **part}).cells()}.values())
+
+
+def _grid(data: dict[str, Any]) -> Grid:
+    _check_names("key", data, [f.name for f in fields(Grid)])
     for name in ("cores", "targets", "arms", "seeds"):
         if not data.get(name):
-            raise ConfigError(f"{path} has no {name}; give a list")
+            raise ConfigError(f"the grid has no {name}; give a list")
     data["seeds"] = _seeds(data["seeds"])
-    if "trainer" in data:
-        for trainer in data["trainer"]:
-            _check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
-        data["trainer"] = [Trainer(**trainer) for trainer in data["trainer"]]
+    for trainer in data.get("trainer", []):
+        _check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
+    data["trainer"] = [Trainer(**trainer) for trainer in data.get("trainer", [{}])]
     return Grid(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
 
 

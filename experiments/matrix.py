@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
-from experiments.grid import Cell, load_grid
+from experiments.grid import Cell, load_cells
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
 from transferkit.errors import RunInUseError, TransferkitError
@@ -60,7 +60,7 @@ def main() -> int:
     parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
     options = parser.parse_args()
     try:
-        cells = load_grid(options.grid).cells()
+        cells = load_cells(options.grid)
     except TransferkitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from experiments import matrix
-from experiments.grid import load_grid
+from experiments.grid import load_cells
 from transferkit.errors import TransferkitError
 
 GRID = """
@@ -42,14 +42,16 @@ def start(grid, out):
 
 def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
     text = GRID.replace('arms = ["transfer"', 'members = [0, 1]\narms = ["constant", "transfer"')
-    cells = load_grid(grid(text)).cells()
+    cells = load_cells(grid(text))
     counts = {
         arm: sum(cell.arm == arm for cell in cells) for arm in ("transfer", "random", "scratch", "constant", "zero-action")
     }
     assert counts == {"transfer": 4, "random": 4, "scratch": 2, "constant": 2, "zero-action": 1}
     assert len({cell.id for cell in cells}) == len(cells)
     trained = GRID + '[[trainer]]\nset = { "ppo.epochs" = 3 }\n'
-    assert {cell.config.ppo.epochs for cell in load_grid(grid(trained)).cells() if cell.arm == "transfer"} == {3}
+    assert {cell.config.ppo.epochs for cell in load_cells(grid(trained)) if cell.arm == "transfer"} == {3}
+    parts = GRID + '[[part]]\n[[part]]\ntargets = ["InvertedPendulum-v5"]\narms = ["scratch"]\n'
+    assert len(load_cells(grid(parts))) == 7 + 2
 
 
 @pytest.mark.parametrize(
@@ -69,7 +71,7 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
 )
 def test_a_wrong_grid_is_refused_before_anything_runs(grid, old, new, message):
     with pytest.raises(TransferkitError, match=message):
-        load_grid(grid(GRID.replace(old, new)))
+        load_cells(grid(GRID.replace(old, new)))
 
 
 def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
@@ -88,7 +90,7 @@ def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
 
 
 def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):
-    cell = load_grid(grid()).cells()[0]
+    cell = load_cells(grid())[0]
     with monkeypatch.context() as patch:
         patch.setattr(matrix, "run_training", lambda *_, **__: 1 / 0)
         outcome = matrix.run_cell(cell, tmp_path, "test")
