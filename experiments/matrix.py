@@ -10,12 +10,14 @@ from __future__ import annotations
 import argparse
 import csv
 import io
+import os
 import shlex
 import sys
 import time
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -25,12 +27,12 @@ from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
 from experiments.grid import Cell, load_cells
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
-from transferkit.errors import RunInUseError, TransferkitError
+from transferkit.errors import Interrupted, RunInUseError, TransferkitError
 from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.policy import Policy
 from transferkit.run.directory import RESULT, read_json
 from transferkit.run.files import write_atomically, write_json
-from transferkit.run.workers import worker_pool
+from transferkit.run.workers import GRACE, worker_pool
 from transferkit.table import format_table
 from transferkit.transfer import run_training
 from transferkit.zoo.artifact import load_core
@@ -38,7 +40,7 @@ from transferkit.zoo.artifact import load_core
 CELL, ERROR, TABLE = "cell.json", "error.txt", "cells.csv"
 MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
 
-PATIENCE = 20.0
+PATIENCE = 2 * GRACE
 """Seconds to wait for a run that another process is writing."""
 
 
@@ -68,7 +70,11 @@ def main() -> int:
     print(plan(cells, todo, options.out, options.workers))
     if options.dry_run:
         return 0
-    failed = run_all(todo, options.out, options.workers)
+    try:
+        failed = run_all(todo, options.out, options.workers)
+    except BrokenProcessPool:
+        print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)
+        return 1
     rows = collect(options.out)
     print(f"{len(rows)} finished runs in {options.out / TABLE}")
     for outcome in failed:
@@ -129,6 +135,8 @@ def run_cell(cell: Cell, out: Path, command: str) -> Outcome:
             arm = WITHOUT_CORE[cell.arm] if cell.arm in WITHOUT_CORE else partial(ARMS[cell.arm], core=load_core(cell.core))
             config, policy = arm(cell.config)
             train_when_free(config, policy, where / "run")
+    except Interrupted:
+        os._exit(0)  # told to stop: the pool would hand this process the next run
     except Exception as error:  # one broken run must not end the others
         write_atomically(where / ERROR, f"{type(error).__name__}: {error}\n".encode())
         return Outcome(cell, f"{type(error).__name__}: {error}")

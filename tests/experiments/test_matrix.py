@@ -37,7 +37,7 @@ def results(out):
 
 def start(grid, out):
     command = [sys.executable, "-m", "experiments.matrix", str(grid), "--out", str(out), "--workers", "1"]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
 def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
@@ -84,9 +84,20 @@ def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
     killed.send_signal(signal.SIGKILL)
     killed.wait()
     assert not (tmp_path / "killed" / matrix.TABLE).exists()
-    assert start(path, tmp_path / "killed").wait() == 0
+    again = start(path, tmp_path / "killed")
+    assert again.wait() == 0, again.stderr.read()
     assert results(tmp_path / "killed") == results(tmp_path / "whole")
     assert len(results(tmp_path / "whole")) == 7
+
+
+def test_ctrl_c_says_that_the_same_command_goes_on(grid, tmp_path):
+    running = start(grid(GRID.replace("steps = 150", "steps = 100000")), tmp_path / "out")
+    deadline = time.monotonic() + 120
+    while not list((tmp_path / "out").glob("cells/*/run/run.json")) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    assert running.wait() == 130
+    assert running.stderr.read().strip().endswith("the same command goes on")
 
 
 def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):

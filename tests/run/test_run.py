@@ -44,6 +44,14 @@ def test_states_make_the_round_trip(tmp_path):
     assert loaded["nested"]["k"] == []
 
 
+def test_a_start_that_was_killed_before_its_record_is_no_hindrance(tmp_path):
+    for name in (".lock", "run.json.tmp"):
+        (tmp_path / name).touch()
+    RunDirectory.create(tmp_path, {"seed": 1}).close()
+    with pytest.raises(RunDirectoryError, match="in use"):
+        RunDirectory.create(tmp_path, {"seed": 1})
+
+
 @pytest.mark.parametrize("keep", [0, 5, 40, -1])
 def test_a_cut_state_file_is_refused(tmp_path, keep):
     save_state(tmp_path / "s", {"a": torch.arange(100)})

@@ -32,6 +32,10 @@ TABLES: Mapping[str, Sequence[str]] = {
 ALWAYS = ("episodes", "evaluations")
 """Tables that are there from the start; another comes with its first row."""
 
+LOCK = ".lock"
+LEFTOVERS = (LOCK, RECORD + ".tmp")
+"""What a start that was killed before it wrote its record leaves behind."""
+
 
 class RunDirectory:
     """Files of a run: record, tables (episodes, evaluations, diagnoses of a model), checkpoint, final policy, result.
@@ -53,11 +57,13 @@ class RunDirectory:
         Raises:
             RunDirectoryError: the folder holds a run or other files, or is not writable.
         """
-        if path.exists() and any(path.iterdir()):
+        if path.exists() and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
             raise RunDirectoryError(f"output directory {path} is in use; continue it with --resume or pass another --out DIR")
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
         run = cls(path)
+        if (path / RECORD).exists():
+            raise RunInUseError(f"another process has just started {path}; continue it with --resume or pass another --out DIR")
         record = {
             "config": dict(config),
             "command": command(),
@@ -130,7 +136,7 @@ class RunDirectory:
 
     def _acquire(self) -> TextIO:
         with writing(self.path):
-            lock = (self.path / ".lock").open("w")
+            lock = (self.path / LOCK).open("w")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
