@@ -37,7 +37,9 @@ def results(out):
 
 def start(grid, out):
     command = [sys.executable, "-m", "experiments.matrix", str(grid), "--out", str(out), "--workers", "1"]
-    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    # A shell's background job ignores Ctrl-C, and so would what it starts.
+    heed = lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)  # noqa: E731
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, preexec_fn=heed)  # noqa: PLW1509
 
 
 def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
@@ -76,7 +78,7 @@ def test_a_wrong_grid_is_refused_before_anything_runs(grid, old, new, message):
 
 def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
     path = grid()
-    start(path, tmp_path / "whole").wait()
+    start(path, tmp_path / "whole").wait(timeout=120)
     killed = start(path, tmp_path / "killed")
     deadline = time.monotonic() + 120
     while not list((tmp_path / "killed").glob("cells/*/run/result.json")) and time.monotonic() < deadline:
@@ -85,7 +87,7 @@ def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
     killed.wait()
     assert not (tmp_path / "killed" / matrix.TABLE).exists()
     again = start(path, tmp_path / "killed")
-    assert again.wait() == 0, again.stderr.read()
+    assert again.wait(timeout=120) == 0, again.stderr.read()
     assert results(tmp_path / "killed") == results(tmp_path / "whole")
     assert len(results(tmp_path / "whole")) == 7
 
@@ -96,7 +98,7 @@ def test_ctrl_c_says_that_the_same_command_goes_on(grid, tmp_path):
     while not list((tmp_path / "out").glob("cells/*/run/run.json")) and time.monotonic() < deadline:
         time.sleep(0.05)
     running.send_signal(signal.SIGINT)
-    assert running.wait() == 130
+    assert running.wait(timeout=60) == 130
     assert running.stderr.read().strip().endswith("the same command goes on")
 
 
