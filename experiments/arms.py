@@ -13,10 +13,9 @@ import torch
 from torch import nn
 
 from transferkit.config import TrainConfig
-from transferkit.envs import make_env
 from transferkit.policy import ConstantPolicy, Policy
 from transferkit.policy.core import Core
-from transferkit.run.streams import Streams
+from transferkit.policy.health import random_play
 from transferkit.transfer import new_policy
 
 PROBE_STEPS = 500
@@ -61,7 +60,7 @@ def random_core(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
 def random_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
     """A random core whose first actions are as large, and as noisy, as the transfer's."""
     reference, policy = new_policy(config, core), new_policy(config, core.randomized(config.seed))
-    observation = random_observations(config)
+    observation = torch.from_numpy(random_play(config.env, PROBE_STEPS, config.seed))
     with torch.no_grad():
         wanted, actual = (made(observation)[0].square().mean().sqrt() for made in (reference, policy))
         for parameter in last_layer(policy).parameters():
@@ -131,18 +130,3 @@ def last_layer(policy: Policy) -> nn.Module:
     found = parts.get("output_adapter", parts.get("mean_adapter"))
     assert isinstance(found, nn.Module)
     return found
-
-
-def random_observations(config: TrainConfig) -> torch.Tensor:
-    """Observations `(PROBE_STEPS, obs_dim)` of the target under uniform actions, from streams of the run's seed."""
-    streams, rows = Streams(config.seed), []
-    env = make_env(config.env)
-    actions = streams.numpy("scale probe actions").uniform(-1, 1, (PROBE_STEPS, *(env.action_space.shape or ())))
-    observation, _ = env.reset(seed=streams.integer("scale probe"))
-    for action in actions:
-        rows.append(torch.from_numpy(observation))
-        observation, _, terminated, truncated, _ = env.step(action.astype("float32"))
-        if terminated or truncated:
-            observation, _ = env.reset()
-    env.close()
-    return torch.stack(rows)

@@ -100,7 +100,6 @@ class Grid:
         for core in map(load_core, self.cores):
             for member in self.members:
                 core.network(member)
-        list(self.cells())
 
     def cells(self) -> list[Cell]:
         """Every run once: arms without a core are not repeated for every core and member."""

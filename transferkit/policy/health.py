@@ -59,7 +59,7 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
         steps: observations to collect.
         seed: of the random play and of the sampled actions.
     """
-    observation = torch.from_numpy(_random_play(env, steps, seed)).to(next(policy.parameters()).device)
+    observation = torch.from_numpy(random_play(env, steps, seed)).to(next(policy.parameters()).device)
     outputs: list[torch.Tensor] = []
     hooks = [
         layer.register_forward_hook(lambda _m, _i, out: outputs.append(out.detach()))
@@ -101,7 +101,8 @@ def _rank(actions: torch.Tensor) -> int:
     return int((values > 1e-4 * values[0].clamp(min=1e-12)).sum()) if values[0] > 1e-9 else 0
 
 
-def _random_play(env: str | gymnasium.Env, steps: int, seed: int) -> NDArray[np.float32]:
+def random_play(env: str | gymnasium.Env, steps: int, seed: int) -> NDArray[np.float32]:
+    """Observations `(steps, obs_dim)` under uniform actions."""
     made = make_env(env)
     streams = Streams(seed)
     generator = streams.numpy("health actions")

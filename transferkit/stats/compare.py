@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from transferkit.stats.intervals import CONFIDENCE, RESAMPLES, crossed_interval
+from transferkit.stats.intervals import CONFIDENCE, RESAMPLES, crossed_interval, generator_or_fixed
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ def holm_differences(
 
     The clearest of m differences gets the confidence 1 - 0.05 / m, the next 1 - 0.05 / (m - 1), and so on.
     """
-    generator = np.random.default_rng(0) if rng is None else rng
+    generator = generator_or_fixed(rng)
     plain = {name: paired_difference(scores, other, rng=generator) for name, other in controls.items()}
     order = sorted(plain, key=lambda name: _clearness(plain[name]), reverse=True)
     corrected = {
@@ -65,7 +65,7 @@ def probability_of_improvement(
     The Mann-Whitney statistic over the number of pairs (Agarwal et al. 2021); both arms resampled.
     """
     a, b = np.asarray(scores, float).ravel(), np.asarray(others, float).ravel()
-    generator = np.random.default_rng(0) if rng is None else rng
+    generator = generator_or_fixed(rng)
     wins = _wins(a, b)
     rows = generator.integers(len(a), size=(RESAMPLES, len(a), 1))
     columns = generator.integers(len(b), size=(RESAMPLES, 1, len(b)))

@@ -60,7 +60,7 @@ def stratified_interval(
     """Interval of a statistic of all scores `(runs, tasks)`, the runs of each task resampled (Agarwal et al. 2021)."""
     values = np.asarray(scores, float)
     runs, tasks = values.shape
-    rows = _generator(rng).integers(runs, size=(RESAMPLES, runs, tasks))
+    rows = generator_or_fixed(rng).integers(runs, size=(RESAMPLES, runs, tasks))
     resampled = values[rows, np.arange(tasks)]
     return _expanded(statistic(resampled.reshape(RESAMPLES, -1), axis=1), runs, tasks * (runs - 1), confidence)
 
@@ -84,14 +84,15 @@ def crossed_interval(
     """
     values = np.asarray(scores, float)
     members, seeds = values.shape
-    generator = _generator(rng)
+    generator = generator_or_fixed(rng)
     rows = generator.integers(members, size=(RESAMPLES, members, 1))
     columns = generator.integers(seeds, size=(RESAMPLES, 1, seeds))
     freedom = _freedom(values.mean(axis=1), values.mean(axis=0))
     return _expanded(values[rows, columns].mean(axis=(1, 2)), freedom + 1, freedom, confidence)
 
 
-def _generator(rng: np.random.Generator | None) -> np.random.Generator:
+def generator_or_fixed(rng: np.random.Generator | None) -> np.random.Generator:
+    """The caller's generator, or one that always gives the same."""
     return np.random.default_rng(0) if rng is None else rng
 
 
