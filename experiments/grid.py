@@ -10,6 +10,7 @@ seeds = "0-9"                        # or a list
 eval_every = 500
 
 [[trainer]]
+name = "fast PPO"                    # in tables; by default the algorithm's
 algo = "ppo"
 preset = "default"
 set = { "ppo.learning_rate" = 1e-3 } # any field of the configuration
@@ -47,6 +48,8 @@ class Trainer:
     preset: Preset = "default"
     set: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the configuration by dotted name, over the preset."""
+    name: str = ""
+    """In tables; empty for the algorithm's."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,7 @@ class Cell:
     member: int
     target: str
     arm: str
+    trainer: str
     config: TrainConfig
 
     @property
@@ -71,7 +75,7 @@ class Cell:
         """What tables are grouped by."""
         config = self.config
         names = {"core": self.core, "member": self.member, "target": self.target, "arm": self.arm}
-        return names | {"algo": config.algo, "preset": config.preset, "seed": config.seed}
+        return names | {"trainer": self.trainer, "algo": config.algo, "preset": config.preset, "seed": config.seed}
 
 
 @dataclass(frozen=True)
@@ -110,17 +114,17 @@ class Grid:
             config = _override(preset(plain, trainer.preset), trainer.set)
             bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
             config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
-            cell = Cell(core, member, target, arm, config)
+            cell = Cell(core, member, target, arm, trainer.name or trainer.algo, config)
             if arm in WITHOUT_CORE:
                 cell = replace(cell, core="", member=0, config=replace(config, core=None, member=0))
             if arm == ZERO_ACTION:
-                cell = Cell("", 0, target, arm, TrainConfig(target, eval_episodes=self.eval_episodes))
+                cell = Cell("", 0, target, arm, "", TrainConfig(target, eval_episodes=self.eval_episodes))
             found.setdefault(cell.id, cell)
         return list(found.values())
 
 
 def load_cells(path: Path) -> list[Cell]:
-    """Every run of a grid's file, once.
+    """Every run of a grid's file, once, seed by seed: what has run at any moment is nearly the same for all arms.
 
     Raises:
         ConfigError: no such file, no TOML, an unknown key, or a value that cannot be.
@@ -133,7 +137,8 @@ def load_cells(path: Path) -> list[Cell]:
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path} is no TOML: {error}") from None
     parts = data.pop("part", [{}])
-    return list({cell.id: cell for part in parts for cell in _grid({**data, **part}).cells()}.values())
+    cells = {cell.id: cell for part in parts for cell in _grid({**data, **part}).cells()}
+    return sorted(cells.values(), key=lambda cell: cell.config.seed)
 
 
 def _grid(data: dict[str, Any]) -> Grid:
