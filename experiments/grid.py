@@ -27,6 +27,7 @@ import hashlib
 import itertools
 import json
 import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -52,6 +53,12 @@ class Trainer:
     """In tables; empty for the algorithm's."""
 
 
+def identify(arm: str, core: str, config: Mapping[str, Any]) -> str:
+    """Name of the run with this arm, core and configuration, the same from a `TrainConfig` and from its JSON."""
+    data = {"arm": arm, "core": core, "config": config}
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
 @dataclass(frozen=True)
 class Cell:
     """One run."""
@@ -67,8 +74,7 @@ class Cell:
     @property
     def id(self) -> str:
         """Hash of everything that determines the run."""
-        data = {"arm": self.arm, "core": self.core, "config": asdict(self.config)}
-        return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+        return identify(self.arm, self.core, asdict(self.config))
 
     @property
     def row(self) -> dict[str, Any]:
@@ -98,6 +104,16 @@ class Grid:
         Budget(self.episodes, self.steps, self.seconds)
         _check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
         _check_names("target", self.targets, environment_ids())
+        names = [trainer.name or trainer.algo for trainer in self.trainer]
+        for what, values in {
+            "core": self.cores,
+            "member": self.members,
+            "target": self.targets,
+            "arm": self.arms,
+            "seed": self.seeds,
+            "trainer": names,
+        }.items():
+            _check_distinct(what, values)
         for trainer in self.trainer:
             _check_names("algo", (trainer.algo,), get_args(Algorithm))
             _check_names("preset", (trainer.preset,), get_args(Preset))
@@ -171,6 +187,13 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
         fixed = tuple(value) if isinstance(value, list) else value
         config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
     return config
+
+
+def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any collection of names or numbers
+    twice = [value for value, count in Counter(values).items() if count > 1]
+    if twice:
+        fix = "; give each a name" if what == "trainer" else "; list it once"
+        raise ConfigError(f"the grid has {what} {twice[0]!r} more than once{fix}")
 
 
 def _check_names(what: str, names: Any, known: Any) -> None:  # noqa: ANN401 - any collections of strings

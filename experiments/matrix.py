@@ -8,13 +8,10 @@ finished run.
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 import os
 import shlex
 import sys
 import time
-from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -24,21 +21,20 @@ from pathlib import Path
 from typing import Any
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
+from experiments.cells import CELL, ERROR, TABLE, collect, finished, folder, set_damaged_aside
+from experiments.cluster import check_address, ray_pool
 from experiments.grid import Cell, load_cells
+from experiments.plan import plan
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
 from transferkit.errors import Interrupted, RunInUseError, TransferkitError
 from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.policy import Policy
-from transferkit.run.directory import RESULT, read_json
+from transferkit.run.directory import read_json
 from transferkit.run.files import write_atomically, write_json
 from transferkit.run.workers import GRACE, worker_pool
-from transferkit.table import format_table
 from transferkit.transfer import run_training
 from transferkit.zoo.artifact import load_core
-
-CELL, ERROR, TABLE = "cell.json", "error.txt", "cells.csv"
-MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
 
 PATIENCE = 2 * GRACE
 """Seconds to wait for a run that another process is writing."""
@@ -54,27 +50,37 @@ class Outcome:
 
 
 def main() -> int:
-    """Run what is not done; the exit status is 1 where a cell failed."""
+    """Run what is not done; the exit status is 1 where a cell failed, 2 where the grid or the cluster is wrong."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("grid", type=Path)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--workers", type=int, default=2)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, default=2, help="processes on this machine")
+    where.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster instead, such as `auto` or `ray://host:10001`")
+    parser.add_argument("--resume", action="store_true", help="the default: what is done is never run again")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
     options = parser.parse_args()
     try:
-        cells = load_cells(options.grid)
+        return _run(options)
     except TransferkitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    todo = [cell for cell in cells if not finished(options.out, cell).exists()]
-    print(plan(cells, todo, options.out, options.workers))
-    if options.dry_run:
-        return 0
-    try:
-        failed = run_all(todo, options.out, options.workers)
     except BrokenProcessPool:
         print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)
         return 1
+
+
+def _run(options: argparse.Namespace) -> int:
+    cells = load_cells(options.grid)
+    if options.ray:
+        check_address(options.ray)
+    for line in [] if options.dry_run else set_damaged_aside(options.out):
+        print(line, file=sys.stderr)
+    todo = [cell for cell in cells if not finished(options.out, cell).exists()]
+    print(plan(cells, todo, options.out, options.workers), flush=True)
+    if options.dry_run:
+        return 0
+    failed = run_all(todo, options.out, options.workers, options.ray)
     rows = collect(options.out)
     print(f"{len(rows)} finished runs in {options.out / TABLE}")
     for outcome in failed:
@@ -84,38 +90,17 @@ def main() -> int:
     return 1 if failed else 0
 
 
-def folder(out: Path, cell: Cell) -> Path:
-    """Where a cell lies: what it is, its run directory in `run`, and its error if it has failed."""
-    return out / "cells" / cell.id
-
-
-def finished(out: Path, cell: Cell) -> Path:
-    """The result of a cell's run, where it has one."""
-    return folder(out, cell) / "run" / RESULT
-
-
-def plan(cells: Sequence[Cell], todo: Sequence[Cell], out: Path, workers: int) -> str:
-    """How many runs there are, and how long they will take by the finished ones of the same trainer and target."""
-    known = [(row["target"], row["algo"], float(row["seconds"])) for row in table(out) if row["arm"] != ZERO_ACTION]
-    rows, total = [], 0.0
-    for (target, algo), count in Counter((cell.row["target"], cell.row["algo"]) for cell in cells).items():
-        left = sum((cell.row["target"], cell.row["algo"]) == (target, algo) for cell in todo)
-        seconds = [s for t, a, s in known if (t, a) == (target, algo)]
-        each = sum(seconds) / len(seconds) if seconds else None
-        total += left * (each or 0.0)
-        rows.append((target, algo, str(count), str(left), "not known yet" if each is None else f"{each:.0f} s"))
-    lines = format_table(("target", "trainer", "runs", "to do", "each"), rows)
-    return f"{lines}\n{len(cells)} runs, {len(todo)} to do; at least {total / workers / 60:.0f} minutes with {workers} workers"
-
-
-def run_all(cells: Sequence[Cell], out: Path, workers: int) -> list[Outcome]:
-    """Run cells in processes of their own; returns those that failed."""
+def run_all(cells: Sequence[Cell], out: Path, workers: int, ray: str | None = None) -> list[Outcome]:
+    """Run cells in processes of their own, here or on a Ray cluster; returns those that failed."""
     started, failed = time.monotonic(), []
-    command = shlex.join(sys.argv)
-    with worker_pool(workers) as pool:
-        waiting = [pool.submit(run_cell, cell, out, command) for cell in cells]
+    job = partial(run_cell, out=out.absolute(), command=shlex.join(sys.argv))
+    with worker_pool(workers) if ray is None else ray_pool(ray, out) as pool:
+        waiting = {pool.submit(job, cell): cell for cell in cells}
         for done, future in enumerate(as_completed(waiting), 1):
-            outcome = future.result()
+            error = future.exception()
+            if isinstance(error, BrokenProcessPool):
+                raise error
+            outcome = future.result() if error is None else Outcome(waiting[future], f"{type(error).__name__}: {error}")
             failed += [outcome] if outcome.error else []
             left = (time.monotonic() - started) / done * (len(cells) - done)
             print(f"{done} of {len(cells)}, {left / 60:.0f} min left: {describe(outcome, out)}", file=sys.stderr, flush=True)
@@ -172,32 +157,10 @@ def evaluate_nothing(cell: Cell) -> dict[str, Any]:
 def describe(outcome: Outcome, out: Path) -> str:
     """One line about a cell that ended."""
     row = outcome.cell.row
-    name = f"{row['arm']} {row['core']} {row['target']} {row['algo']} seed {row['seed']}"
+    name = f"{row['arm']} {row['core']} {row['target']} {row['trainer']} seed {row['seed']}"
     if outcome.error:
         return f"{name} FAILED: {outcome.error}"
     return f"{name}: {read_json(finished(out, outcome.cell))['eval_return_mean']:.1f}"
-
-
-def table(out: Path) -> list[dict[str, Any]]:
-    """A row for every finished run, in an order that does not depend on when they ran."""
-    rows = []
-    for path in sorted((out / "cells").glob(f"*/run/{RESULT}")):
-        cell, result = read_json(path.parents[1] / CELL), read_json(path)
-        names = [name for name in cell if name not in ("config", "command")]
-        rows.append({name: cell[name] for name in names} | {name: result[name] for name in MEASURED})
-    return sorted(rows, key=lambda row: [str(row[name]) for name in row])
-
-
-def collect(out: Path) -> list[dict[str, Any]]:
-    """Write the table of all finished runs."""
-    rows = table(out)
-    if rows:
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-        write_atomically(out / TABLE, text.getvalue().encode())
-    return rows
 
 
 if __name__ == "__main__":

@@ -352,7 +352,7 @@ class TrainConfig:
     eval_episodes: int = 20
     """Episodes of an evaluation."""
     eval_every: int = 0
-    """Environment steps between evaluations during training; 0 evaluates at the end only."""
+    """Environment steps between evaluations, the first before any training; 0 evaluates at the end only."""
     checkpoint_seconds: float = 20.0
     """Least time between checkpoints."""
     device: str = "cpu"

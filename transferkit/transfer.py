@@ -238,6 +238,8 @@ def _execute(
         if state is not None:
             session.restore(state["session"])
         with session.running():
+            if state is None and config.eval_every:
+                session.evaluate()  # what is there before any training: the jumpstart
             parts = trainer.train(envs, session, streams, device, state and state["trainer"])
             scores = session.evaluate()
         envs.close()

@@ -83,4 +83,6 @@ def test_data_efficiency_keeps_runs_that_never_get_there():
     assert data_efficiency([400, 600, inf], [100, 200, inf]) == 3
     assert data_efficiency([400, 600, inf], [100, 200, inf], source=400) == 1
     assert data_efficiency([inf, inf, 1], [5, 5, 5]) == inf
+    assert data_efficiency([5, 5], [0, 0]) == inf
+    assert data_efficiency([0, 0], [0, 0]) == 1
     assert np.isnan(data_efficiency([inf], [inf]))

@@ -44,4 +44,6 @@ def data_efficiency(scratch: ArrayLike, transfer: ArrayLike, *, source: float = 
     `source` is the experience that the core cost, for the total.
     """
     needed, by_scratch = float(np.median(np.asarray(transfer, float))) + source, float(np.median(np.asarray(scratch, float)))
-    return float("nan") if np.isinf(needed) and np.isinf(by_scratch) else by_scratch / needed
+    if needed == by_scratch:
+        return float("nan") if np.isinf(needed) else 1.0
+    return by_scratch / needed if needed else float("inf")  # there before any training

@@ -1,0 +1,155 @@
+"""A matrix on disk: a folder `cells/<hash of its configuration>` for every run, and one table of those that are finished."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.arms import ZERO_ACTION
+from experiments.grid import Cell, identify
+from transferkit.errors import RunDirectoryError
+from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, read_json, read_table
+from transferkit.run.files import load_state, write_atomically
+
+CELL, ERROR, TABLE = "cell.json", "error.txt", "cells.csv"
+CELLS, SET_ASIDE = "cells", "damaged"
+MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
+VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
+LAST = 50
+"""Episodes at the end whose mean return is the paper's measure."""
+
+EDITED = -10.0
+"""What stands for every return of 0 or less in the paper's released data of PPO on Hopper."""
+
+PAPER_MEASURES = ("last_50_mean", "last_50_edited", "all_mean")
+
+SMALL = (CELL, ERROR, f"run/{RECORD}", f"run/{RESULT}", "run/episodes.csv", "run/evaluations.csv", "run/model.csv")
+"""What tables and reports need of a cell; the rest is checkpoints and logs."""
+
+
+def folder(out: Path, cell: Cell) -> Path:
+    """Where a cell lies: what it is, its run directory in `run`, and its error if it has failed."""
+    return out / CELLS / cell.id
+
+
+def finished(out: Path, cell: Cell) -> Path:
+    """The result of a cell's run, where it has one."""
+    return folder(out, cell) / "run" / RESULT
+
+
+def problem(where: Path) -> str:
+    """What is wrong with the files of a cell, finished or not; empty where nothing is."""
+    try:
+        cell = read_json(where / CELL)
+        if identify(cell["arm"], cell["core"], cell["config"]) != where.name:
+            return f"{CELL} describes another run than its folder's name"
+        run = where / "run"
+        if (run / RECORD).exists():
+            read_json(run / RECORD)
+        if (run / RESULT).exists():
+            return _result_problem(run, trained=cell["arm"] != ZERO_ACTION)
+        if (run / CHECKPOINT).exists():
+            load_state(run / CHECKPOINT)
+    except (RunDirectoryError, OSError, ValueError, KeyError, TypeError) as error:
+        return f"{type(error).__name__}: {error}"
+    return ""
+
+
+def _result_problem(run: Path, *, trained: bool) -> str:
+    result = read_json(run / RESULT)
+    for name in MEASURED:
+        if not math.isfinite(result[name]):
+            return f"{RESULT} says {name}={result[name]}"
+    if trained and len(read_table(run, "episodes")) != result["episodes"]:
+        return f"episodes.csv has not the {result['episodes']} rows that {RESULT} counts"
+    return ""
+
+
+def set_damaged_aside(out: Path) -> list[str]:
+    """Move cells whose files are damaged out of the way, so that they run again; one line about each."""
+    lines = []
+    for where in cell_folders(out):
+        what = problem(where)
+        if what:
+            target = out / SET_ASIDE / where.name
+            copy = next(
+                target.with_name(f"{where.name}.{k}")
+                for k in range(10_000)
+                if not target.with_name(f"{where.name}.{k}").exists()
+            )
+            copy.parent.mkdir(exist_ok=True)
+            where.rename(copy)
+            lines.append(f"{where} is damaged ({what}); moved to {copy}, and its run is made again")
+    return lines
+
+
+def cell_folders(out: Path) -> list[Path]:
+    """Every cell that was ever started, in the order of its name; a start killed before its record is none."""
+    return sorted(path.parent for path in (out / CELLS).glob(f"*/{CELL}"))
+
+
+def table(out: Path) -> list[dict[str, Any]]:
+    """A row for every finished run that is intact, in an order that does not depend on when they ran."""
+    rows = [_row(where) for where in cell_folders(out) if (where / "run" / RESULT).exists() and not problem(where)]
+    return sorted(rows, key=lambda row: [str(row[name]) for name in row])
+
+
+def failures(out: Path) -> Iterator[tuple[dict[str, Any], str]]:
+    """Cells that failed when they were last tried: what they are, and the error."""
+    for where in cell_folders(out):
+        if (where / ERROR).exists() and not (where / "run" / RESULT).exists():
+            yield read_json(where / CELL), (where / ERROR).read_text().strip()
+
+
+def _row(where: Path) -> dict[str, Any]:
+    cell, result = read_json(where / CELL), read_json(where / "run" / RESULT)
+    names = {name: value for name, value in cell.items() if name not in ("config", "command")}
+    names |= {f"budget_{name}": cell["config"][name] for name in ("episodes", "steps", "seconds")}
+    measured = {name: result[name] for name in MEASURED}
+    if cell["arm"] == ZERO_ACTION:
+        return names | measured | dict.fromkeys((*PAPER_MEASURES, "commit", *VERSIONS), "")
+    returns = [row["return"] for row in read_table(where / "run", "episodes")]
+    edited = [EDITED if value <= 0 else value for value in returns[-LAST:]]
+    means = dict(zip(PAPER_MEASURES, map(_mean, (returns[-LAST:], edited, returns)), strict=True))
+    record = read_json(where / "run" / RECORD)
+    made_by = {"commit": (record["git"] or {}).get("commit", "")}
+    return names | measured | means | made_by | {name: record["versions"].get(name, "") for name in VERSIONS}
+
+
+def _mean(returns: list[float]) -> float | str:
+    return round(float(np.mean(returns)), 3) if returns else ""
+
+
+def collect(out: Path) -> list[dict[str, Any]]:
+    """Write the table of all finished runs."""
+    rows = table(out)
+    if rows:
+        write_csv(out / TABLE, rows)
+    return rows
+
+
+def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Rows that have the same keys, as a file that is there or not there."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_atomically(path, text.getvalue().encode())
+
+
+def pack(where: Path) -> dict[str, bytes]:
+    """The small files of a cell by their path, to send to another machine."""
+    return {name: (where / name).read_bytes() for name in SMALL if (where / name).exists()}
+
+
+def unpack(where: Path, files: dict[str, bytes]) -> None:
+    """The inverse of `pack`, the result last: with it a run counts as finished."""
+    for name in sorted(files, key=lambda name: name.endswith(RESULT)):
+        (where / name).parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(where / name, files[name])

@@ -1,0 +1,96 @@
+"""A Ray cluster as a pool of workers: `pip install transferkit[cluster]`."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.cells import finished, folder, pack, unpack
+from experiments.grid import Cell
+from transferkit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from experiments.matrix import Outcome
+
+RETRIES = 20
+"""Times a run is given to another worker when its own is lost with its machine."""
+
+Job = Callable[[Cell], "Outcome"]
+
+
+@dataclass(frozen=True)
+class RayPool:
+    """What `run_all` needs of an executor."""
+
+    remote: Any
+    """The remote function `(job, cell) -> (outcome, files)`."""
+    out: Path
+
+    def submit(self, job: Job, cell: Cell) -> Future[Outcome]:
+        """Run a cell somewhere; its small files are here when the future is done, shared file system or not."""
+        answer: Future[Outcome] = Future()
+        self.remote.remote(job, cell).future().add_done_callback(lambda sent: self._receive(sent, cell, answer))
+        return answer
+
+    def _receive(self, sent: Future[tuple[Outcome, dict[str, bytes]]], cell: Cell, answer: Future[Outcome]) -> None:
+        try:
+            outcome, files = sent.result()
+            if not finished(self.out, cell).exists():
+                unpack(folder(self.out, cell), files)
+        except BaseException as error:  # the one who waits gets it, not this thread
+            answer.set_exception(error)
+        else:
+            answer.set_result(outcome)
+
+
+@contextmanager
+def ray_pool(address: str, out: Path) -> Iterator[RayPool]:
+    """One run a core on every machine of the cluster, which has transferkit installed; a lost machine's runs move on.
+
+    Raises:
+        ConfigError: Ray is not installed, or no cluster answers.
+    """
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    try:
+        import ray  # type: ignore[import-not-found] # noqa: PLC0415 - an extra, and seconds to import
+    except ImportError:
+        raise ConfigError("--ray needs Ray, which is not installed; pip install 'transferkit[cluster]'") from None
+    check_address(address)
+    environment = {"py_modules": [str(Path(__file__).parent)], "env_vars": {"OMP_NUM_THREADS": "1"}}
+    try:
+        ray.init(address=address, runtime_env=environment, log_to_driver=False, logging_level="ERROR")
+    except (ConnectionError, RuntimeError, ValueError) as error:
+        raise _no_cluster(address, error) from None
+    try:
+        yield RayPool(ray.remote(num_cpus=1, max_retries=RETRIES)(_work), out)
+    finally:
+        ray.shutdown()
+
+
+def check_address(address: str) -> None:
+    """Find out at once whether anything listens; Ray itself would try for minutes.
+
+    Raises:
+        ConfigError: nothing does, or it is no address.
+    """
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if host:
+        try:
+            socket.create_connection((host, int(port)), timeout=10).close()
+        except (OSError, ValueError) as error:
+            raise _no_cluster(address, error) from None
+
+
+def _no_cluster(address: str, error: Exception) -> ConfigError:
+    return ConfigError(f"no Ray cluster at {address} ({str(error).splitlines()[0]}); start one with `ray start --head`")
+
+
+def _work(job: Job, cell: Cell) -> tuple[Outcome, dict[str, bytes]]:
+    outcome = job(cell)
+    return outcome, pack(folder(job.keywords["out"], cell))  # type: ignore[attr-defined] - a partial of run_cell

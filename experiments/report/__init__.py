@@ -1,0 +1,1 @@
+"""A page, figures and tables of a matrix of runs."""

@@ -1,0 +1,50 @@
+"""`python -m experiments.report results/paper --out report.html`: a page, figures and tables of a matrix."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from experiments.cells import write_csv
+from experiments.report.data import load_matrix
+from experiments.report.page import write_page
+from experiments.report.pictures import draw_all
+from experiments.report.tables import arm_rows, curve_rows, reproduction_rows, verdict_rows
+from transferkit.errors import TransferkitError
+
+
+def main() -> int:
+    """Write the page, and beside it a folder `<page>_files` with figures (PNG, SVG) and tables (CSV)."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("results", type=Path, help="folder that `experiments.matrix --out` wrote")
+    parser.add_argument("--out", type=Path, default=Path("report.html"))
+    options = parser.parse_args()
+    started = time.monotonic()
+    try:
+        matrix = load_matrix(options.results)
+    except TransferkitError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    folder = options.out.with_name(f"{options.out.stem}_files")
+    pictures = draw_all(matrix, folder)
+    found = {
+        "runs": [{name: value for name, value in row.items() if name != "label"} for row in matrix.rows],
+        "arms": [row for group in matrix.groups for row in arm_rows(group)],
+        "verdicts": verdict_rows(matrix),
+        "curves": [row for group in matrix.groups for row in curve_rows(group)],
+        "paper_measures": reproduction_rows(matrix),
+    }
+    tables = [folder / f"{name}.csv" for name, rows in found.items() if rows]
+    for path in tables:
+        write_csv(path, found[path.stem])
+    write_page(matrix, pictures, tables, options.out)
+    for line in matrix.damaged:
+        print(f"damaged, in no table: {line}; run the matrix again", file=sys.stderr)
+    print(f"{options.out}: {len(matrix.rows)} runs, {time.monotonic() - started:.1f} s; figures and tables in {folder}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

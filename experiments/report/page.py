@@ -1,0 +1,119 @@
+"""The page: one HTML file that needs no network."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from plotly.offline import get_plotlyjs
+
+from experiments.arms import ZERO_ACTION
+from experiments.report.data import AXES, EVALUATIONS, WINDOWS, Arm, Group, Matrix
+from experiments.report.tables import arm_rows, curve_rows, reproduction_rows
+from experiments.verdict import NEGATIVE, NONE, POSITIVE
+
+TEMPLATE = Path(__file__).with_name("page.html.j2")
+SIGNS = {POSITIVE: "+", NEGATIVE: "-", NONE: "○"}
+"""Beside the colour, for those who do not see it."""
+
+
+def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path], out: Path) -> None:
+    """Write the page."""
+    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters |= {"num": number, "sign": lambda verdict: SIGNS[verdict]}
+    ids = {id(group): f"cell-{k}" for k, group in enumerate(matrix.groups)}
+    curves: dict[str, Any] = {}
+    page = environment.from_string(TEMPLATE.read_text()).render(
+        matrix=matrix,
+        trainers=list(dict.fromkeys(group.trainer for group in matrix.groups)),
+        ids=ids,
+        id=id,
+        arm_rows=arm_rows,
+        curve_rows=curve_rows,
+        reproduction=reproduction_rows(matrix),
+        heat=[heat_map(matrix, trainer, ids) for trainer in dict.fromkeys(group.trainer for group in matrix.groups)],
+        cells={ids[id(group)]: cell_data(group, curves) for group in matrix.groups},
+        curves=curves,
+        kinds=[*WINDOWS, EVALUATIONS],
+        pictures=[(path.stem, base64.b64encode(path.read_bytes()).decode()) for path in pictures],
+        tables=[path.name for path in tables],
+        budgets=sorted({budget(row) for row in matrix.rows if row["arm"] != ZERO_ACTION}),
+        plotly=get_plotlyjs(),
+        dumps=dumps,
+    )
+    out.write_text(page)
+
+
+def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any]:
+    """Transfer minus scratch of every core and target under a trainer, as plotly's heat map wants it."""
+    groups = {(group.core, group.target): group for group in matrix.groups if group.trainer == trainer and group.core}
+    cores, targets = (list(dict.fromkeys(key[k] for key in groups)) for k in (0, 1))
+    grid = [[groups.get((core, target)) for target in targets] for core in cores]
+    return {
+        "trainer": trainer,
+        "x": targets,
+        "y": cores,
+        "z": [[group and group.normalized_difference for group in row] for row in grid],
+        "text": [["" if group is None else _heat_text(group) for group in row] for row in grid],
+        "words": [["" if group is None else group.verdict.kind for group in row] for row in grid],
+        "cells": [[group and ids[id(group)] for group in row] for row in grid],
+    }
+
+
+def _heat_text(group: Group) -> str:
+    difference = group.verdict.scratch
+    return SIGNS[group.verdict.kind] + ("" if difference is None else f"<br>{difference.mean:+.4g}")
+
+
+def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:
+    """What a cell's figures need; curves that cells share are stored once."""
+    arms = []
+    for name, arm in group.arms.items():
+        key = f"{group.trainer}|{group.target}|{name}|{min(row['core'] for row in arm.rows)}"
+        if key not in curves:
+            curves[key] = (
+                {}
+                if name == ZERO_ACTION
+                else {f"{kind}|{axis}": _curve(arm, kind, axis) for kind in (*WINDOWS, EVALUATIONS) for axis in AXES}
+            )
+        seeds = [[f"member {row['member']}, seed {row['seed']}", _short(row["eval_return_mean"])] for row in arm.rows]
+        arms.append({"name": name, "curve": key, "seeds": seeds})
+    return {"arms": arms, "low": _short(group.low)}
+
+
+def _curve(arm: Arm, kind: str, axis: str) -> list[list[float]] | None:
+    curve = arm.curve(kind, axis)
+    return (
+        None if curve is None else [[_short(value) for value in line] for line in (curve.x, curve.iqm, curve.low, curve.high)]
+    )
+
+
+def budget(row: dict[str, Any]) -> str:
+    """What a run may spend."""
+    bounds = [f"{row[f'budget_{name}']} {name}" for name in ("episodes", "steps", "seconds") if row[f"budget_{name}"]]
+    return f"{row['target']}, {row['label']}: {' and '.join(bounds)}"
+
+
+def number(value: object) -> str:
+    """A number of a table; empty for what is not there."""
+    if value is None or value == "":
+        return ""
+    if not isinstance(value, int | float):
+        return str(value)
+    if math.isinf(value):
+        return "never"
+    return str(value) if isinstance(value, int) else f"{value:.4g}" if abs(value) < 10_000 else f"{value:,.0f}"
+
+
+def _short(value: float) -> float:
+    return float(f"{value:.5g}")
+
+
+def dumps(data: Any) -> str:  # noqa: ANN401 - JSON
+    """JSON that a script element can hold."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

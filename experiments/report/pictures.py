@@ -1,0 +1,109 @@
+"""Figures of a report for papers: PNG and SVG by matplotlib."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+
+from experiments.arms import ZERO_ACTION
+from experiments.report.data import Arm, Group, Matrix
+from experiments.verdict import SCRATCH, TRANSFER
+from transferkit import stats
+from transferkit.pictures import COLOURS
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+
+DASHES = ("-", "--", ":")
+"""With the colours, enough styles for fifteen lines; dashes also tell lines apart in grey."""
+
+PROFILE_POINTS = np.linspace(0.0, 1.0, 101)
+
+Lines = Mapping[str, Arm]
+
+
+def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
+    """Every figure as PNG and SVG; returns the PNGs."""
+    folder.mkdir(parents=True, exist_ok=True)
+    drawn = []
+    for target in dict.fromkeys(group.target for group in matrix.groups):
+        groups = [group for group in matrix.groups if group.target == target]
+        drawn.append(_save(_learning_curves(target, groups), folder / f"curves_{_slug(target)}"))
+        model_free = [group for group in groups if "dyna-ddpg" not in group.trainer]
+        if model_free and len(model_free) < len(groups):
+            drawn.append(_save(_learning_curves(target, model_free), folder / f"curves_{_slug(target)}_without_dyna"))
+    drawn.append(_save(_profiles(matrix.groups), folder / "profiles"))
+    return drawn
+
+
+def lines_of(groups: Sequence[Group]) -> dict[str, Arm]:
+    """Every trained arm of the groups of one target under a label of its own."""
+    found = {}
+    for group in groups:
+        for name, arm in group.arms.items():
+            if name == ZERO_ACTION:
+                continue
+            if name == SCRATCH:
+                found[group.trainer] = arm
+            else:
+                found[f"{group.trainer}, {group.core}" + ("" if name == TRANSFER else f", {name}")] = arm
+    return found
+
+
+def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN401 - a matplotlib figure
+    """The paper's figure: training returns over episodes, smoothed as there and not, and over environment steps."""
+    figure, axes = plt.subplots(1, 3, figsize=(15, 4.5), layout="constrained")
+    panels = (("50-episode mean", "episodes"), ("each episode", "episodes"), ("50-episode mean", "steps"))
+    for axis, (window, unit) in zip(axes, panels, strict=True):
+        for k, (label, arm) in enumerate(lines_of(groups).items()):
+            curve = arm.curve(window, unit)
+            if curve is None:
+                continue
+            colour = COLOURS[k % len(COLOURS)]
+            style = DASHES[k // len(COLOURS) % len(DASHES)]
+            axis.plot(curve.x, curve.iqm, style, color=colour, label=f"{label} (n {len(arm.episodes)})")
+            axis.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, linewidth=0)
+        if ZERO_ACTION in groups[0].arms:
+            axis.axhline(groups[0].low, color="grey", linestyle="-.", linewidth=1, label="zero action")
+        axis.set_xlabel("training episodes" if unit == "episodes" else "environment steps")
+        axis.set_title(window)
+    axes[0].set_ylabel("training return, IQM over runs with 95 % interval")
+    axes[0].legend(fontsize="x-small")
+    figure.suptitle(target)
+    return figure
+
+
+def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401
+    """Share of runs above every normalised score, for each trainer and arm over all its targets and cores."""
+    figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
+    scores: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for group in groups:
+        for name, arm in group.arms.items():
+            if name != ZERO_ACTION:
+                own = dict(
+                    zip([row["id"] for row in arm.rows], stats.normalized(arm.returns, group.low, group.high), strict=True)
+                )
+                scores.setdefault((group.trainer, name), {}).update(own)
+    for k, ((trainer, name), found) in enumerate(scores.items()):
+        profile = stats.performance_profile(list(found.values()), PROFILE_POINTS)
+        style = DASHES[k // len(COLOURS) % len(DASHES)]
+        axis.plot(PROFILE_POINTS, profile, style, color=COLOURS[k % len(COLOURS)], label=f"{trainer}, {name} (n {len(found)})")
+    axis.set_xlabel("normalised score: 0 zero action, 1 the target's upper reference")
+    axis.set_ylabel("share of runs above it")
+    axis.legend(fontsize="x-small")
+    return figure
+
+
+def _save(figure: Any, stem: Path) -> Path:  # noqa: ANN401
+    for suffix in (".png", ".svg"):
+        figure.savefig(stem.with_name(stem.name + suffix), dpi=110)
+    plt.close(figure)
+    return stem.with_name(stem.name + ".png")
+
+
+def _slug(target: str) -> str:
+    return target.replace("/", "-")

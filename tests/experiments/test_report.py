@@ -1,0 +1,119 @@
+"""The report of a small real matrix, its tables, and its page in a real browser."""
+
+import csv
+import itertools
+import shutil
+import subprocess
+import sys
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from experiments import matrix
+from experiments.cells import CELLS, SET_ASIDE, set_damaged_aside
+from experiments.grid import load_cells
+from experiments.report.data import load_matrix, running_mean
+
+GRID = """
+steps = 256
+cores = ["inverted-pendulum-v1"]
+targets = ["InvertedDoublePendulum-v5", "InvertedPendulum-v5"]
+arms = ["transfer", "scratch", "zero-action"]
+seeds = "0-1"
+eval_episodes = 2
+eval_every = 128
+"""
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    root = tmp_path_factory.mktemp("matrix")
+    (root / "grid.toml").write_text(GRID)
+    for cell in load_cells(root / "grid.toml"):
+        assert matrix.run_cell(cell, root, "the command").error == ""
+    return root
+
+
+@pytest.fixture(scope="module")
+def page(results):
+    command = [sys.executable, "-m", "experiments.report", str(results), "--out", str(results / "report.html")]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    return results / "report.html"
+
+
+def read(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_tables_hold_every_run_and_agree_with_them(page, results):
+    folder = results / "report_files"
+    assert len(read(folder / "runs.csv")) == 10
+    verdicts = read(folder / "verdicts.csv")
+    assert {row["verdict"] for row in verdicts} <= {"transfer", "no evidence", "negative transfer"}
+    assert len(verdicts) == 2
+    runs = [r for r in read(folder / "runs.csv") if r["arm"] == "transfer" and r["target"] == "InvertedPendulum-v5"]
+    arms = [r for r in read(folder / "arms.csv") if r["arm"] == "transfer" and r["target"] == "InvertedPendulum-v5"]
+    assert float(arms[0]["mean"]) == pytest.approx(sum(float(r["eval_return_mean"]) for r in runs) / 2)
+    measures = [r for r in read(folder / "curves.csv") if r["target"] == "InvertedPendulum-v5"]
+    assert [row["arm"] for row in measures] == ["transfer", "scratch"]
+    assert float(measures[0]["before_training"]) > 900 > float(measures[1]["before_training"])  # it is the core's own task
+    assert {path.suffix for path in folder.iterdir()} == {".csv", ".png", ".svg"}
+
+
+def test_a_click_on_a_cell_shows_it(page):
+    chromium = shutil.which("chromium") or shutil.which("google-chrome")
+    assert chromium, "no browser; apt-get install chromium"
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        tab = browser.new_page(viewport={"width": 420, "height": 900}, offline=True)
+        errors = []
+        tab.on("pageerror", lambda error: errors.append(error))  # noqa: PLW0108 - playwright sets attributes on it
+        tab.goto(page.as_uri())
+        tab.wait_for_selector("#heat-0 .nsewdrag")
+        box = tab.locator("#heat-0 .nsewdrag").bounding_box()
+        for share, target in ((0.25, "InvertedPendulum-v5"), (0.75, "InvertedDoublePendulum-v5")):
+            tab.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
+            tab.wait_for_function(f"document.querySelector('.cell:not([hidden]) h3').textContent.includes(' {target}')")
+            tab.evaluate("window.scrollTo(0, 0)")
+        shown = tab.locator(".cell:not([hidden])")
+        assert shown.locator(".verdict").count() == 1
+        assert shown.locator(".curves .scatterlayer .trace").count() >= 2
+        shown.locator(".kind").select_option("evaluations")
+        shown.locator(".axis").select_option("steps")
+        tab.wait_for_function("document.querySelector('.cell:not([hidden]) .xtitle').textContent === 'environment steps'")
+        assert not errors
+        browser.close()
+
+
+def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
+    root = tmp_path / "copy"
+    shutil.copytree(results, root)
+    with_episodes = (path for path in sorted((root / CELLS).glob("*/run/episodes.csv")) if path.read_text().count("\n") > 3)
+    short, forged, cut = itertools.islice(with_episodes, 3)
+    short.write_text(short.read_text()[:40])
+    (forged.parent / "result.json").write_text((forged.parent / "result.json").read_text().replace("seconds", "second"))
+    cell = cut.parents[1] / "cell.json"
+    cell.write_text(cell.read_text().replace('"seed": ', '"seed": 7'))
+    matrix_of = load_matrix(root)
+    assert len(matrix_of.rows) == 10 - 3
+    assert len(matrix_of.damaged) == 3
+    lines = set_damaged_aside(root)
+    assert len(lines) == 3
+    assert len(list((root / SET_ASIDE).iterdir())) == 3
+    todo = [c for c in load_cells(root / "grid.toml") if not matrix.finished(root, c).exists()]
+    assert len(todo) == 3
+
+
+def test_no_results_is_one_line(tmp_path):
+    command = [sys.executable, "-m", "experiments.report", str(tmp_path), "--out", str(tmp_path / "report.html")]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"error: {tmp_path} holds no finished run")
+    assert done.stderr.count("\n") == 1
+
+
+def test_running_mean_is_of_what_is_there():
+    import numpy as np
+
+    np.testing.assert_allclose(running_mean(np.array([1.0, 3.0, 5.0, 7.0]), 2), [1.0, 2.0, 4.0, 6.0])
