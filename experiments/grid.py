@@ -55,8 +55,14 @@ class Trainer:
 
 def identify(arm: str, core: str, config: Mapping[str, Any]) -> str:
     """Name of the run with this arm, core and configuration, the same from a `TrainConfig` and from its JSON."""
-    data = {"arm": arm, "core": core, "config": config}
+    data = {"arm": arm, "core": core, "config": _given(config)}
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _given(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Without what is None or empty, so that a setting that comes later and is not used leaves names as they are."""
+    plain = {name: _given(value) if isinstance(value, Mapping) else value for name, value in config.items()}
+    return {name: value for name, value in plain.items() if value is not None and value not in ({}, [], ())}
 
 
 @dataclass(frozen=True)

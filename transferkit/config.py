@@ -357,6 +357,10 @@ class TrainConfig:
     """Least time between checkpoints."""
     device: str = "cpu"
     """Torch device of the networks, `cpu` or `cuda`."""
+    experience: tuple[str, ...] = ()
+    """dyna-ddpg: recordings (FILE.mcap) and Minari datasets (minari:NAME) to learn from before the first real step."""
+    mapping: str | None = None
+    """TOML file that names the channels of other tools' recordings."""
     ppo: PPOConfig = field(default_factory=PPOConfig)
     """PPO's settings."""
     dyna: DynaConfig = field(default_factory=DynaConfig)
@@ -367,6 +371,8 @@ class TrainConfig:
     def __post_init__(self) -> None:
         if self.eval_episodes < 1 or self.eval_every < 0:
             raise ConfigError(f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0")
+        if self.experience and self.algo != "dyna-ddpg":
+            raise ConfigError(f"{self.algo} does not learn from recordings; pass --algo dyna-ddpg, or leave out --experience")
         if self.algo == "dyna-ppo" and self.dyna.model_loss != "likelihood":
             raise ConfigError("dyna-ppo needs a model that learns rewards; the paper has no code for it: use --preset default")
 

@@ -53,3 +53,7 @@ class RunInUseError(RunDirectoryError):
 
 class Interrupted(TransferkitError):  # noqa: N818 - not a fault
     """Ctrl-C or SIGTERM: the state is on disk and the message says how to resume."""
+
+
+class RecordingError(TransferkitError):
+    """A recording that is no MCAP file, lacks what is asked of it, or does not fit the environment."""

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
+from transferkit.record.reader import read, spec_of
 from transferkit.run.directory import read_json, read_table
 
 WINDOW = 20
@@ -16,6 +17,10 @@ WINDOW = 20
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 """Okabe and Ito's colour-blind safe palette."""
+
+TRACES = ("observation", "core_input", "core_output", "action")
+MOST_TRACES = 12
+"""Lines in one panel."""
 
 MODEL_PANELS: Mapping[str, Mapping[str, str]] = {
     "observation error / deviation": {"error_1": "1 step", "error_5": "5 steps", "error_20": "20 steps"},
@@ -62,6 +67,41 @@ def draw_run(run: Path, path: Path) -> None:
         axes[0][2].set_axis_off()
         _draw_model(axes[1], model)
     _save(figure, path)
+
+
+def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
+    """An episode of a recording: observation, what the core sees and makes of it, action, reward.
+
+    Raises:
+        RecordingError: no recording of ours, or no such episode in it.
+    """
+    contents = read(recording)
+    spec = spec_of(contents, recording)
+    steps = [step for step in contents.steps if step["episode"] == episode]
+    if not steps:
+        raise RecordingError(f"{recording} has no step of episode {episode}; pass --episode 0")
+    panels = [name for name in TRACES if steps[0].get(name)]
+    pyplot = _pyplot()
+    figure, axes = pyplot.subplots(len(panels) + 1, 1, figsize=(11, 2.4 * len(panels) + 2.4), sharex=True, layout="constrained")
+    seconds = np.arange(len(steps)) * (spec.time_step or 1.0)
+    for axis, name in zip(axes, panels, strict=False):
+        _draw_traces(axis, seconds, name, [step[name] for step in steps])
+    axes[-1].plot(seconds, [step["reward"] for step in steps], color=COLOURS[0], label="reward")
+    if "value" in steps[0]:
+        axes[-1].plot(seconds, [step["value"] for step in steps], "--", color=COLOURS[1], label="value, in the critic's scale")
+    axes[-1].legend(loc="upper left", fontsize="x-small")
+    axes[-1].set_xlabel("simulated seconds" if spec.time_step else "steps")
+    figure.suptitle(f"{spec.env_id}, episode {episode}: return {steps[-1]['return']:.1f}")
+    _save(figure, path)
+
+
+def _draw_traces(axis: Any, seconds: Any, name: str, rows: Sequence[Mapping[str, float]]) -> None:  # noqa: ANN401
+    for k, element in enumerate(list(rows[0])[:MOST_TRACES]):
+        style = ("-", "--", ":")[k // len(COLOURS)]
+        axis.plot(seconds, [row[element] for row in rows], style, color=COLOURS[k % len(COLOURS)], label=element, linewidth=1)
+    more = f", first {MOST_TRACES} of {len(rows[0])}" if len(rows[0]) > MOST_TRACES else ""
+    axis.set_ylabel(f"{name.replace('_', ' ')}{more}")
+    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="x-small")
 
 
 def _save(figure: Any, path: Path) -> None:  # noqa: ANN401 - matplotlib's

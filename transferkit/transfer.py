@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import torch
@@ -27,6 +27,9 @@ from transferkit.zoo.artifact import load_core
 
 RUNS = Path("runs")
 """Where run directories go that are not named."""
+
+if TYPE_CHECKING:
+    from transferkit.record.reader import Transitions
 
 MakeEnv = Callable[[], gymnasium.Env]
 
@@ -55,6 +58,8 @@ class Result:
     eval_return_high: float
     eval_episodes: int
     run_dir: str
+    prior_steps: int = 0
+    """Steps of recordings that training started with; in no other count."""
 
 
 def run_training(
@@ -64,6 +69,7 @@ def run_training(
     out: Path | None = None,
     resume: bool = False,
     report: Report | None = None,
+    record_every: int = 0,
 ) -> Result:
     """Do what a configuration says: build the policy, train it, evaluate it, and keep everything in `out`.
 
@@ -73,6 +79,7 @@ def run_training(
         out: its directory; by default `runs/` with a name made of the configuration.
         resume: go on where the directory stopped, start where there is none, return the result where it is finished.
         report: called after every update.
+        record_every: record an episode of every so many evaluations as `recordings/step_<N>.mcap` in the run directory.
 
     Raises:
         TransferkitError: any of its kinds; see `transferkit.errors`.
@@ -81,7 +88,7 @@ def run_training(
     core = None if config.core is None else load_core(config.core)
     make = lambda: make_env(config.env, clip_actions=config.ppo.clip_actions)  # noqa: E731 - a factory of this run
     make_policy = lambda: new_policy(config, core) if policy is None else policy  # noqa: E731
-    return _execute(make_policy, make, budget, config, core, out, resume=resume, report=report)
+    return _execute(make_policy, make, budget, config, core, out, resume=resume, report=report, record_every=record_every)
 
 
 def train(
@@ -205,6 +212,7 @@ def _execute(
     *,
     resume: bool,
     report: Report | None,
+    record_every: int = 0,
 ) -> Result:
     device = _device(config.device)
     torch.set_num_threads(
@@ -214,27 +222,36 @@ def _execute(
     first = make()
     _check_dims(policy, first, config.env)
     out = out or default_directory(config)
+    prior, ledger = _experience(config)
     record = {**asdict(config), "policy": policy.blueprint(), "core_digest": core.digest if core else None}
+    record |= {"recordings": ledger} if ledger else {}
     directory, state = _open(out, record, resume=resume)
     try:
         if directory.result is not None:
             return Result(**directory.result)
         streams = Streams(config.seed)
-        trainer = _trainer(config, policy, make, streams)
+        trainer = _trainer(config, policy, make, streams, prior)
         envs = VectorEnv(
             [first, *(make() for _ in range(trainer.num_envs - 1))],
             lambda i, k: streams.integer("environment", i, k),
             overrun_steps=trainer.overrun_steps,
         )
+
+        def evaluate_now() -> Mapping[str, float]:
+            if record_every and session.evaluations % record_every == 0:
+                _record(_as_saved(policy), config, directory.path, session.spent.steps)
+            return evaluate(_as_saved(policy), make, episodes=config.eval_episodes).row()
+
         session = Session(
             directory,
             budget,
             envs.num_envs,
-            evaluate=lambda: evaluate(_as_saved(policy), make, episodes=config.eval_episodes).row(),
+            evaluate=evaluate_now,
             eval_every=config.eval_every,
             checkpoint_seconds=config.checkpoint_seconds,
             report=report,
         )
+
         if state is not None:
             session.restore(state["session"])
         with session.running():
@@ -246,7 +263,7 @@ def _execute(
         weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
         beside = {name: _part_state(part) for name, part in parts.items()}
         directory.save_policy({"blueprint": policy.blueprint(), "weights": weights, "parts": beside})
-        result = _result(config, core, session, scores, directory)
+        result = _result(config, core, session, scores, directory, sum(entry["steps"] for entry in ledger))
         directory.finish(asdict(result))
         return result
     finally:
@@ -276,7 +293,7 @@ class _Trainer:
     overrun_steps: int = 0
 
 
-def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Streams) -> _Trainer:
+def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Streams, prior: Transitions | None) -> _Trainer:
     if config.algo == "ppo":
         from transferkit import ppo  # noqa: PLC0415 - rsl_rl takes seconds to import
 
@@ -294,8 +311,28 @@ def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Stream
     from transferkit import dyna  # noqa: PLC0415
 
     critic = make_critic(policy, settings, streams.torch("critic initialisation"))
-    train = lambda envs, *rest: dyna.train(policy, critic, model, envs, settings, *rest)  # noqa: E731
+    rows = None if prior is None else dyna.Batch(*map(torch.from_numpy, prior.batch()))
+    train = lambda envs, *rest: dyna.train(policy, critic, model, envs, settings, *rest, prior=rows)  # noqa: E731
     return _Trainer(train, 1, config.dyna.overrun_steps)
+
+
+def _experience(config: TrainConfig) -> tuple[Transitions | None, list[dict[str, Any]]]:
+    if not config.experience:
+        return None, []
+    from transferkit.record.experience import load_experience  # noqa: PLC0415 - only few runs read recordings
+
+    return load_experience(config.experience, config.mapping, derive_spec(config.env))
+
+
+def _record(policy: Policy, config: TrainConfig, run: Path, steps: int) -> None:
+    """An episode of the present policy, in place of one that a killed process began."""
+    from transferkit.record.play import Subject, record  # noqa: PLC0415 - only few runs are recorded
+
+    path = run / "recordings" / f"step_{steps}.mcap"
+    path.parent.mkdir(exist_ok=True)
+    path.unlink(missing_ok=True)
+    about = {"run": str(run), "steps": steps, "core": config.core, "seed_of_training": config.seed}
+    record(Subject(policy, config.env, clip_actions=config.ppo.clip_actions, about=about), path)
 
 
 def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:
@@ -335,6 +372,7 @@ def _result(
     session: Session,
     scores: Mapping[str, float],
     directory: RunDirectory,
+    prior_steps: int,
 ) -> Result:
     return Result(
         algo=config.algo,
@@ -353,4 +391,5 @@ def _result(
         eval_return_high=scores["return_high"],
         eval_episodes=int(scores["n"]),
         run_dir=str(directory.path),
+        prior_steps=prior_steps,
     )

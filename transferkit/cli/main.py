@@ -17,7 +17,11 @@ COMMANDS = {
     "envs": "the environments: list, show ENV",
     "train": "train a policy from scratch or around a core",
     "eval": "evaluate the final policy of a run",
-    "plot": "learning curve and model errors of a run",
+    "plot": "learning curve and model errors of a run, traces of a recording",
+    "record": "episodes of a run or of a core as an MCAP file",
+    "replay": "simulate a recording again: check it, or make a video",
+    "recover": "make a whole file of a recording that was cut",
+    "export": "a policy as ONNX, recordings as a Minari dataset",
     "pretrain": "train, check and write a core",
     "doctor": "check this installation and say what to mend",
 }

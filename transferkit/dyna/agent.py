@@ -72,13 +72,21 @@ class Agent:
         if (step.done[0] and past >= 1) or past >= LONGEST_WARM_UP:
             self._warming_up = False
 
+    def remember(self, prior: Batch) -> None:
+        """Start from transitions `(N, ...)` that were not made in this run: no random steps, and a model that knows them."""
+        self.buffer.extend(prior)
+        self.policy.update_normalizer(prior.observation.to(self.device))
+        self._warming_up = False
+        if self.config.model_share:
+            self._fit()
+
     def learn(self) -> None:
         """The updates that follow one environment step; none before the buffer holds a batch."""
         config = self.config
         if self.buffer.added < config.batch_size:
             return
         if config.model_share and self.buffer.added % config.model_every == 0:
-            self.losses["model"] = torch.tensor(fit(self.model, self.model_optimizer, self.buffer, config, self.imagination))
+            self._fit()
         batch = self.buffer.split(self._batches())
         if self.curious:
             batch = batch._replace(reward=novelty(self.model, batch))
@@ -151,6 +159,10 @@ class Agent:
         self.buffer.restore(state["buffer"])
         self._warming_up = state["warming_up"]
         self.losses = dict(state["losses"])
+
+    def _fit(self) -> None:
+        loss = fit(self.model, self.model_optimizer, self.buffer, self.config, self.imagination)
+        self.losses["model"] = torch.tensor(loss)
 
     def _batches(self) -> Tensor:
         """Rows `(updates_per_step, batch_size, width)`, the model's share of them imagined."""

@@ -51,11 +51,23 @@ class ReplayBuffer:
         """Add one transition, without leading axes."""
         at = self.added % self.capacity
         if at >= len(self._rows):
-            grown = self._rows.new_zeros(min(2 * len(self._rows), self.capacity), self._rows.shape[1])
-            grown[: len(self._rows)] = self._rows
-            self._rows = grown
+            self._grow()
         self._rows[at] = batch.rows()
         self.added += 1
+
+    def extend(self, batch: Batch) -> None:
+        """Add transitions `(N, ...)` in their order; the newest where they are more than fit."""
+        rows = batch.rows()[-self.capacity :].to(self._rows.device)
+        while len(self._rows) < min(self.added + len(rows), self.capacity):
+            self._grow()
+        at = torch.arange(self.added, self.added + len(rows), device=self._rows.device) % self.capacity
+        self._rows[at] = rows
+        self.added += len(rows)
+
+    def _grow(self) -> None:
+        grown = self._rows.new_zeros(min(2 * len(self._rows), self.capacity), self._rows.shape[1])
+        grown[: len(self._rows)] = self._rows
+        self._rows = grown
 
     def add_step(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Add a step of a single environment, all with a leading axis of one."""

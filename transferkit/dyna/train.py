@@ -10,6 +10,7 @@ import torch
 from transferkit.config import DynaConfig
 from transferkit.dyna.agent import Agent
 from transferkit.dyna.diagnostics import EVERY, diagnose
+from transferkit.dyna.replay import Batch
 from transferkit.envs.vector import VectorEnv
 from transferkit.errors import DivergedError
 from transferkit.nn.critic import Critic
@@ -35,9 +36,12 @@ def train(
     streams: Streams,
     device: torch.device,
     resume_from: Mapping[str, Any] | None = None,
+    *,
+    prior: Batch | None = None,
 ) -> dict[str, Critic | Dynamics]:
     """Train the policy, its critic and its model in place until the session's budget is reached.
 
+    `prior` are transitions `(N, ...)` made elsewhere, which are learnt from as from those of this run.
     Returns the critic, and the model if it was fitted.
 
     Raises:
@@ -48,6 +52,8 @@ def train(
     agent = Agent(policy.to(device), critic.to(device), model.to(device), config, streams, device)
     agent.set_progress(session.progress, session.step_progress)
     if resume_from is None:
+        if prior is not None:
+            agent.remember(prior)
         observation = envs.reset()
     else:
         agent.restore(dict(resume_from["agent"]))

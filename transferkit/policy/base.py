@@ -50,6 +50,14 @@ class Policy(nn.Module):
         """Mean and log-std of the action."""
         raise NotImplementedError
 
+    def trace(self, observation: Tensor) -> dict[str, Tensor]:
+        """What enters the core and what leaves it, `core_input` and `core_output`, each `(B, ...)`; empty without a core."""
+        return {}
+
+    def trace_names(self) -> dict[str, list[str]]:
+        """The elements of `trace`, in order."""
+        return {}
+
     def normalized(self, observation: Tensor) -> Tensor:
         """The observation under the policy's statistics, or as it is where it has none."""
         return observation if self.normalizer is None else self.normalizer(observation)

@@ -57,6 +57,19 @@ class PaperSandwich(Policy):
         std = torch.relu(self.output_finetune(core_log_std.exp()))
         return self.mean_adapter(mean), self.std_adapter(torch.log(std + EPSILON))
 
+    def trace(self, observation: Tensor) -> dict[str, Tensor]:
+        """What enters the core, and its mean action."""
+        core_input = self.core_input(observation)
+        return {"core_input": core_input, "core_output": self.core(core_input)[0]}
+
+    def trace_names(self) -> dict[str, list[str]]:
+        """The source's elements and its actuators."""
+        source = self._specs[0]
+        return {
+            "core_input": [element.name for element in source.observation],
+            "core_output": [actuator.name for actuator in source.action],
+        }
+
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
         """The layers, from observation to action."""
         names = ("input_adapter", "input_finetune", "core", "output_finetune", "mean_adapter", "std_adapter")

@@ -63,14 +63,28 @@ class Sandwich(Policy):
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Mean and log-std of the action."""
-        features = self.core.features(self.core_input(observation))
-        tapped = features if self.config.tap == "features" else self.core.action_distribution(features)[0]
-        mean = self.output_adapter(self.output_finetune(tapped))
+        mean = self.output_adapter(self.output_finetune(self._tapped(self.core_input(observation))))
         if self.residual is not None:
             mean = mean + self.residual(self.normalized(observation))
         if self.squash:
             mean = torch.tanh(mean)
         return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
+
+    def trace(self, observation: Tensor) -> dict[str, Tensor]:
+        """What enters the core and what is taken from it."""
+        core_input = self.core_input(observation)
+        return {"core_input": core_input, "core_output": self._tapped(core_input)}
+
+    def trace_names(self) -> dict[str, list[str]]:
+        """The source's elements, and features by number or the source's actuators."""
+        source = self._specs[0]
+        features = [f"feature_{i}" for i in range(self.core.feature_dim)]
+        output = features if self.config.tap == "features" else [actuator.name for actuator in source.action]
+        return {"core_input": [element.name for element in source.observation], "core_output": output}
+
+    def _tapped(self, core_input: Tensor) -> Tensor:
+        features = self.core.features(core_input)
+        return features if self.config.tap == "features" else self.core.action_distribution(features)[0]
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
         """The layers with parameters, from observation to action."""

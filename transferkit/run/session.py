@@ -42,7 +42,7 @@ class Session:
         self._checkpoint_seconds, self._report = checkpoint_seconds, report
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
         self._recent: deque[float] = deque(maxlen=RECENT)
-        self._evaluated = 0
+        self._evaluated = self.evaluations = 0
         self._interrupted = False
         self._started = self._saved = 0.0
         self._seconds_before = 0.0
@@ -118,6 +118,7 @@ class Session:
             self.directory.append("evaluations", {**row, **scores})
             self._log({f"evaluation/{name}": value for name, value in scores.items()})
         self._evaluated = self.spent.steps
+        self.evaluations += 1
         return scores
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
@@ -128,6 +129,7 @@ class Session:
             "length": self._length.tolist(),
             "recent": list(self._recent),
             "evaluated": self._evaluated,
+            "evaluations": self.evaluations,
         }
         self.directory.checkpoint({"session": own, "trainer": dict(state)})
         self._saved = time.monotonic()
@@ -138,7 +140,7 @@ class Session:
         self._seconds_before = self.spent.seconds
         self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
         self._recent.extend(state["recent"])
-        self._evaluated = state["evaluated"]
+        self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
 
     @contextmanager
     def running(self) -> Iterator[None]:

@@ -1,0 +1,1 @@
+"""Recordings of episodes as MCAP files: written, read, replayed."""

@@ -1,0 +1,97 @@
+"""What a recording holds: topics, JSON schemas with one named field per element, and the metadata that explains them.
+
+Times are simulated: the steps since the start of the file times the control time step, in nanoseconds.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from transferkit.spec import IOSpec
+
+VERSION = "1"
+"""Of this format."""
+
+STEP = "/step"
+"""One JSON message a step: a single topic, because what a message costs hardly depends on its size."""
+
+SCENE, TRANSFORMS = "/scene", "/tf"
+"""Foxglove's protobuf messages for the 3D scene."""
+
+ABOUT, EPISODE = "transferkit", "episode"
+"""Names of the metadata records: one about the file, at its start, and one after every whole episode."""
+
+SCENE_HZ = 30.0
+"""The most transforms a second of simulated time."""
+
+
+@dataclass(frozen=True)
+class Names:
+    """Of the elements of every vector that is recorded, in order."""
+
+    observation: Sequence[str]
+    action: Sequence[str]
+    core_input: Sequence[str] = ()
+    core_output: Sequence[str] = ()
+
+    @classmethod
+    def of(cls, spec: IOSpec, core_input: Sequence[str] = (), core_output: Sequence[str] = ()) -> Names:
+        """The spec's names, made distinct where an environment repeats one."""
+        return cls(
+            distinct([element.name for element in spec.observation]),
+            distinct([actuator.name for actuator in spec.action]),
+            distinct(core_input),
+            distinct(core_output),
+        )
+
+
+def distinct(names: Sequence[str]) -> list[str]:
+    """The names as plain words, which message paths of plotting tools can hold; those that occur twice with their index."""
+    plain = [re.sub(r"\W+", "_", name).strip("_") for name in names]
+    return [name if plain.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(plain)]
+
+
+def schema(names: Names) -> dict[str, Any]:
+    """JSON schema of a step."""
+    number, flag, whole = {"type": "number"}, {"type": "boolean"}, {"type": "integer"}
+    free = {"type": "object", "additionalProperties": number}
+
+    def vector(elements: Sequence[str]) -> dict[str, Any]:
+        return {"type": "object", "properties": dict.fromkeys(elements, number)}
+
+    properties = {
+        "episode": whole,
+        "step": whole,
+        "observation": vector(names.observation),
+        "core_input": vector(names.core_input),
+        "core_output": vector(names.core_output),
+        "action": vector(names.action),
+        "control": free,
+        "value": number,
+        "reward": number,
+        "return": number,
+        "reward_terms": free,
+        "terminated": flag,
+        "truncated": flag,
+        "next_observation": vector(names.observation),
+        "time": number,
+        "qpos": free,
+        "qvel": free,
+        "state": {"type": "string", "contentEncoding": "base64"},
+    }
+    return {"type": "object", "title": "transferkit.Step", "properties": properties}
+
+
+def about(spec: IOSpec, **more: Any) -> dict[str, str]:  # noqa: ANN401 - JSON values
+    """The metadata about a file: values are JSON, because MCAP's are strings."""
+    content = {"format": VERSION, "env": spec.env_id, "spec": spec.to_json(), **more}
+    return {name: json.dumps(value, allow_nan=False) for name, value in content.items()}
+
+
+def parse(metadata: Mapping[str, str]) -> dict[str, Any]:
+    """The inverse of `about`, and of an episode's metadata."""
+    return {name: json.loads(value) for name, value in metadata.items()}

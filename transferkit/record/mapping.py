@@ -1,0 +1,188 @@
+"""Transitions from the MCAP files of other tools, by a mapping in TOML.
+
+```toml
+[observation]                 # a step for every message of this topic
+topic = "/joint_states"
+fields = ["position.slider", "velocity.0"]      # a path per element, numbers count list entries
+
+[action]                      # the first message from the step's time on, and before the next step's
+topic = "/command"
+fields = ["data.0"]
+
+[reward]
+topic = "/reward"
+field = "value"
+
+[terminated]                  # may be left out: then nothing ends before the file does
+topic = "/done"
+field = "value"
+```
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import orjson
+from mcap.records import Channel, Message, Schema
+from mcap_protobuf.decoder import DecoderFactory
+from numpy.typing import NDArray
+
+from transferkit.errors import RecordingError
+from transferkit.record.reader import CutError, Transitions, check_finite, records
+from transferkit.spec import IOSpec
+
+REQUIRED, OPTIONAL = ("observation", "action", "reward"), ("terminated", "truncated")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a quantity is found."""
+
+    topic: str
+    fields: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Series:
+    """Values of a topic over time, each row at its log time."""
+
+    times: NDArray[np.int64]
+    values: NDArray[np.float64]
+
+
+def load_mapping(path: Path) -> dict[str, Source]:
+    """Read a mapping.
+
+    Raises:
+        RecordingError: no such file, no TOML, or a table that is missing or unknown.
+    """
+    try:
+        data = tomllib.loads(path.read_text())
+    except (OSError, tomllib.TOMLDecodeError) as error:
+        raise RecordingError(f"cannot read the mapping {path}: {error}; docs/recordings.md has an example") from None
+    unknown = [name for name in data if name not in (*REQUIRED, *OPTIONAL)]
+    missing = [name for name in REQUIRED if name not in data]
+    if unknown or missing:
+        what = f"has an unknown table [{unknown[0]}]" if unknown else f"has no table [{missing[0]}]"
+        raise RecordingError(f"the mapping {path} {what}; it needs {', '.join(REQUIRED)} and may have {', '.join(OPTIONAL)}")
+    try:
+        return {name: Source(table["topic"], tuple(table.get("fields") or [table["field"]])) for name, table in data.items()}
+    except (KeyError, TypeError) as error:
+        raise RecordingError(
+            f"the mapping {path} has a table without {error}; each has a topic, and fields or a field"
+        ) from None
+
+
+def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Transitions:
+    """The steps of a file of any tool, for an environment of this spec.
+
+    Raises:
+        RecordingError: no MCAP file, a topic or field that is not in it, dimensions that do not fit, NaN, or no steps.
+    """
+    for name, dim in (("observation", spec.obs_dim), ("action", spec.act_dim)):
+        if len(mapping[name].fields) != dim:
+            raise RecordingError(
+                f"the mapping names {len(mapping[name].fields)} {name} fields, {spec.env_id} has {dim}; name as many"
+            )
+    series, cut = _series(path, mapping)
+    times = series["observation"].times
+    if len(times) < 2:
+        raise RecordingError(f"{path} has fewer than two messages on {mapping['observation'].topic}: no step can be made of it")
+    rows = {name: _of_steps(series[name], times) for name in mapping if name != "observation"}
+    whole = np.all([index >= 0 for index in rows.values()], axis=0)[:-1]
+    if not whole.any():
+        raise RecordingError(
+            f"{path} has no step with an action and a reward between its observation and the next; check the topics"
+        )
+    taken = {name: series[name].values[rows[name][:-1][whole]] for name in rows}
+    observation = series["observation"].values.astype(np.float32)
+    flags = {name: taken[name][:, 0] > 0.5 if name in taken else np.zeros(whole.sum(), bool) for name in OPTIONAL}
+    left_out = int((~whole).sum())
+    notes = [f"{path} is cut: {whole.sum()} steps are taken"] if cut else []
+    notes += [f"{path}: {left_out} steps lack an action or a reward and are left out"] if left_out else []
+    found = Transitions(
+        observation[:-1][whole],
+        taken["action"].astype(np.float32),
+        taken["reward"][:, 0].astype(np.float32),
+        observation[1:][whole],
+        flags["terminated"],
+        flags["truncated"],
+        tuple(notes),
+    )
+    check_finite(found, path)
+    return found
+
+
+def _series(path: Path, mapping: Mapping[str, Source]) -> tuple[dict[str, Series], bool]:
+    """Every mapped quantity over time, and whether the file was cut."""
+    found: dict[str, list[tuple[int, list[float]]]] = {name: [] for name in mapping}
+    by_topic: dict[str, list[str]] = {}
+    for name, source in mapping.items():
+        by_topic.setdefault(source.topic, []).append(name)
+    schemas: dict[int, Schema] = {}
+    channels: dict[int, Channel] = {}
+    seen, cut, protobuf = set(), False, DecoderFactory()
+    try:
+        for record in records(path):
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+                seen.add(record.topic)
+            elif isinstance(record, Message) and channels[record.channel_id].topic in by_topic:
+                channel = channels[record.channel_id]
+                message = _decode(channel, schemas.get(channel.schema_id), record.data, protobuf, path)
+                for name in by_topic[channel.topic]:
+                    found[name].append(
+                        (record.log_time, [_value(message, field, channel.topic) for field in mapping[name].fields])
+                    )
+    except CutError:
+        cut = True
+    for name, source in mapping.items():
+        if source.topic not in seen:
+            raise RecordingError(f"{path} has no topic {source.topic}, which [{name}] names; it has {', '.join(sorted(seen))}")
+    return {name: _sorted(rows, len(mapping[name].fields)) for name, rows in found.items()}, cut
+
+
+def _sorted(rows: Sequence[tuple[int, list[float]]], width: int) -> Series:
+    ordered = sorted(rows, key=lambda row: row[0])
+    times = np.array([time for time, _ in ordered], np.int64)
+    return Series(times, np.array([values for _, values in ordered], float).reshape(-1, width))
+
+
+def _of_steps(series: Series, times: NDArray[np.int64]) -> NDArray[np.int64]:
+    """For every step the first row from its time on and before the next step's, or -1."""
+    index = np.searchsorted(series.times, times)
+    ends = np.append(times[1:], np.iinfo(np.int64).max)
+    there = (index < len(series.times)) & (np.append(series.times, np.iinfo(np.int64).max)[index] < ends)
+    return np.where(there, index, -1)
+
+
+def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: DecoderFactory, path: Path) -> Any:  # noqa: ANN401
+    if channel.message_encoding == "json":
+        return orjson.loads(data)
+    decoder = protobuf.decoder_for(channel.message_encoding, schema)
+    if decoder is None:
+        raise RecordingError(
+            f"{path}: topic {channel.topic} is encoded as {channel.message_encoding}; json and protobuf can be read"
+        )
+    return decoder(data)
+
+
+def _value(message: Any, field: str, topic: str) -> float:  # noqa: ANN401 - JSON, or a protobuf message
+    node = message
+    for name in field.split("."):
+        try:
+            node = node[int(name)] if name.isdigit() else node[name] if isinstance(node, dict) else getattr(node, name)
+        except (KeyError, IndexError, TypeError, AttributeError):
+            raise RecordingError(f"topic {topic} has no field {field}; check the mapping") from None
+    try:
+        return float(node)
+    except (TypeError, ValueError):
+        raise RecordingError(f"field {field} of topic {topic} is no number; check the mapping") from None

@@ -1,0 +1,82 @@
+"""Making a whole file of one that was cut."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.writer import CompressionType, Writer
+
+from transferkit.errors import RecordingError
+from transferkit.record.reader import CutError, records
+
+
+def recover(path: Path, out: Path) -> tuple[int, bool]:
+    """Copy every whole chunk of an MCAP file of any tool into a new file; returns its messages, and whether any was cut off.
+
+    Raises:
+        RecordingError: no MCAP file, nothing whole in it, or `out` exists.
+    """
+    if out.exists():
+        raise RecordingError(f"{out} exists; pass another --out FILE.mcap")
+    count, cut = 0, False
+    temporary = out.with_name(out.name + ".tmp")
+    with temporary.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(library="transferkit")
+        copy = _Copy(writer)
+        try:
+            for record in records(path):
+                count += copy(record)
+        except CutError:
+            cut = True
+        except RecordingError:
+            temporary.unlink()
+            raise
+        writer.finish()
+    if not count:
+        temporary.unlink()
+        raise RecordingError(f"{path} was cut before its first whole chunk; nothing can be recovered")
+    temporary.replace(out)
+    return count, cut
+
+
+class _Copy:
+    """Writes records under the numbers of the new file; returns 1 for a message."""
+
+    def __init__(self, writer: Writer) -> None:
+        self._writer = writer
+        self._schemas: dict[int, int] = {0: 0}
+        self._channels: dict[int, int] = {}
+        self._actions: dict[type, Callable[[Any], None]] = {
+            Schema: self._schema,
+            Channel: self._channel,
+            Message: self._message,
+            Metadata: lambda record: writer.add_metadata(record.name, record.metadata),
+            Attachment: lambda record: writer.add_attachment(
+                record.create_time, record.log_time, record.name, record.media_type, record.data
+            ),
+        }
+
+    def __call__(self, record: object) -> int:
+        action = self._actions.get(type(record))
+        if action is not None:
+            action(record)
+        return isinstance(record, Message)
+
+    def _schema(self, record: Schema) -> None:
+        if record.id not in self._schemas:
+            self._schemas[record.id] = self._writer.register_schema(record.name, record.encoding, record.data)
+
+    def _channel(self, record: Channel) -> None:
+        if record.id not in self._channels:
+            schema = self._schemas[record.schema_id]
+            self._channels[record.id] = self._writer.register_channel(
+                record.topic, record.message_encoding, schema, record.metadata
+            )
+
+    def _message(self, record: Message) -> None:
+        channel = self._channels[record.channel_id]
+        self._writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
