@@ -37,6 +37,7 @@ docs: install
 bench: install
 	$(BIN)/python -m experiments.bench
 	$(BIN)/python -m experiments.bench_dyna
+	$(BIN)/python -m experiments.bench_record
 
 lock:
 	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

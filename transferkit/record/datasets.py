@@ -44,7 +44,7 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
         )
     except (ValueError, FileExistsError, AssertionError) as error:
         raise RecordingError(
-            f"cannot write the Minari dataset {dataset}: {str(error).splitlines()[0]}; pass another --id"
+            f"cannot write the Minari dataset {dataset}: {str(error).splitlines()[0]}; pass another --minari"
         ) from None
     return steps
 

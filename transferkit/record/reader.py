@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import orjson
-from mcap.exceptions import InvalidMagic, McapError
+from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, Footer, Message, Metadata
 from mcap.stream_reader import StreamReader, breakup_chunk
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from transferkit.errors import RecordingError
 from transferkit.record.format import ABOUT, EPISODE, STEP, VERSION, Names, parse
 from transferkit.spec import IOSpec
+
+MAGIC = b"\x89MCAP0\r\n"
 
 CUT_ERRORS = (McapError, struct.error, ValueError, EOFError, IndexError)
 """What the reader raises where a file ends in the middle."""
@@ -90,7 +92,7 @@ def read(path: Path, *, about_only: bool = False) -> Contents:
                 channel = record.id
             complete = isinstance(record, Footer)
     except CutError:
-        pass
+        complete = False
     return Contents(about, episodes, steps, complete)
 
 
@@ -111,22 +113,18 @@ def records(path: Path) -> Iterator[Any]:
             f"cannot read {path}: {error.strerror}; pass a recording, made with `transferkit record`"
         ) from None
     with file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{path} is no MCAP file; pass a recording, made with `transferkit record`")
+        file.seek(0)
         try:
             for record in StreamReader(file, emit_chunks=True).records:
                 yield from breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else (record,)
-        except InvalidMagic:
-            if file.tell() > len(MAGIC):
-                raise CutError from None
-            raise RecordingError(f"{path} is no MCAP file; pass a recording, made with `transferkit record`") from None
         except CUT_ERRORS as error:
             raise CutError from error
         except Exception as error:  # the decompressors have errors of their own
             if "zstd" in type(error).__module__.lower() or "lz4" in type(error).__module__.lower():
                 raise CutError from error
             raise
-
-
-MAGIC = b"\x89MCAP0\r\n"
 
 
 def read_transitions(path: Path, spec: IOSpec) -> Transitions:

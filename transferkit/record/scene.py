@@ -73,7 +73,7 @@ class Transforms:
 
 
 def _add(entity: SceneEntity, model: Any, geom: int) -> None:  # noqa: ANN401
-    size, kind = model.geom_size[geom].tolist(), model.geom_type[geom]
+    size, kind = model.geom_size[geom].tolist(), Geom(int(model.geom_type[geom]))
     look = {"pose": _pose(model.geom_pos[geom], model.geom_quat[geom]), "color": _colour(model, geom)}
     if kind == Geom.mjGEOM_SPHERE:
         entity.spheres.append(SpherePrimitive(size=_vector([2 * size[0]] * 3), **look))
