@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import math
 from collections.abc import Iterator
@@ -10,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.arms import ZERO_ACTION
 from experiments.grid import Cell, identify
 from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, read_json, read_table
+from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, read_json
 from transferkit.run.files import load_state, write_atomically
 
 CELL, ERROR, TABLE = "cell.json", "error.txt", "cells.csv"
@@ -66,7 +68,7 @@ def _result_problem(run: Path, *, trained: bool) -> str:
     for name in MEASURED:
         if not math.isfinite(result[name]):
             return f"{RESULT} says {name}={result[name]}"
-    if trained and len(read_table(run, "episodes")) != result["episodes"]:
+    if trained and len(columns(run, "episodes")["return"]) != result["episodes"]:
         return f"episodes.csv has not the {result['episodes']} rows that {RESULT} counts"
     return ""
 
@@ -114,16 +116,24 @@ def _row(where: Path) -> dict[str, Any]:
     measured = {name: result[name] for name in MEASURED}
     if cell["arm"] == ZERO_ACTION:
         return names | measured | dict.fromkeys((*PAPER_MEASURES, "commit", *VERSIONS), "")
-    returns = [row["return"] for row in read_table(where / "run", "episodes")]
-    edited = [EDITED if value <= 0 else value for value in returns[-LAST:]]
+    returns = columns(where / "run", "episodes")["return"]
+    edited = np.where(returns[-LAST:] <= 0, EDITED, returns[-LAST:])
     means = dict(zip(PAPER_MEASURES, map(_mean, (returns[-LAST:], edited, returns)), strict=True))
     record = read_json(where / "run" / RECORD)
     made_by = {"commit": (record["git"] or {}).get("commit", "")}
     return names | measured | means | made_by | {name: record["versions"].get(name, "") for name in VERSIONS}
 
 
-def _mean(returns: list[float]) -> float | str:
-    return round(float(np.mean(returns)), 3) if returns else ""
+def _mean(returns: NDArray[np.float64]) -> float | str:
+    return round(float(np.mean(returns)), 3) if len(returns) else ""
+
+
+@functools.cache
+def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
+    """A table of a run by column, `(rows,)` each; read once, since a finished run does not change."""
+    with (run / f"{name}.csv").open(newline="") as file:
+        header, *rows = csv.reader(file)
+    return dict(zip(header, np.array(rows, float).reshape(-1, len(header)).T, strict=True))
 
 
 def collect(out: Path) -> list[dict[str, Any]]:

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.cells import CELL, CELLS, cell_folders, failures, problem, table
+from experiments.cells import CELL, CELLS, cell_folders, columns, failures, problem, table
 from experiments.references import best
 from experiments.verdict import TRANSFER, Verdict, judge
 from transferkit import stats
 from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import RECORD, read_json, read_table
+from transferkit.run.directory import RECORD, read_json
 
 POINTS = 80
 """Of a learning curve in the page."""
@@ -60,13 +60,13 @@ class Arm:
     @cached_property
     def episodes(self) -> list[dict[str, Array]]:
         """For every trained run its training returns and the environment steps at the end of each episode."""
-        tables = [_columns(self._run(row) / "run", "episodes") for row in self.rows if row["episodes"]]
+        tables = [columns(self._run(row), "episodes") for row in self.rows if row["episodes"]]
         return [{"returns": t["return"], "episodes": t["episode"], "steps": t["steps"]} for t in tables]
 
     @cached_property
     def evaluations(self) -> list[dict[str, Array]]:
         """For every run that was evaluated more than once, those evaluations."""
-        tables = [_columns(self._run(row) / "run", EVALUATIONS) for row in self.rows if row["episodes"] or row["steps"]]
+        tables = [columns(self._run(row), EVALUATIONS) for row in self.rows if row["steps"]]
         return [
             {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]} for t in tables if len(t["steps"]) > 1
         ]
@@ -86,7 +86,7 @@ class Arm:
         return Curve(x, stats.iqm(values, axis=0), low, high)
 
     def _run(self, row: Mapping[str, Any]) -> Path:
-        return self.root / CELLS / row["id"]
+        return self.root / CELLS / row["id"] / "run"
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,3 @@ def _grid(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> Array:
     for row in rows:
         grid[members.index(row["member"]), seeds.index(row["seed"])] = row["eval_return_mean"]
     return grid
-
-
-def _columns(run: Path, name: str) -> dict[str, Array]:
-    rows = read_table(run, name)
-    return {key: np.array([row[key] for row in rows]) for key in rows[0]} if rows else {}

@@ -99,6 +99,8 @@ def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401
 
 
 def _save(figure: Any, stem: Path) -> Path:  # noqa: ANN401
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # once is enough for both files
     for suffix in (".png", ".svg"):
         figure.savefig(stem.with_name(stem.name + suffix), dpi=110)
     plt.close(figure)
