@@ -68,6 +68,10 @@ def _result_problem(run: Path, *, trained: bool) -> str:
     for name in MEASURED:
         if not math.isfinite(result[name]):
             return f"{RESULT} says {name}={result[name]}"
+    if trained and not (run / RECORD).exists():
+        return f"{RECORD} is missing"
+    if trained and not len(columns(run, "evaluations")["return_mean"]):
+        return "evaluations.csv is empty"
     if trained and len(columns(run, "episodes")["return"]) != result["episodes"]:
         return f"episodes.csv has not the {result['episodes']} rows that {RESULT} counts"
     return ""
@@ -128,10 +132,16 @@ def _mean(returns: NDArray[np.float64]) -> float | str:
     return round(float(np.mean(returns)), 3) if len(returns) else ""
 
 
-@functools.cache
 def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
-    """A table of a run by column, `(rows,)` each; read once, since a finished run does not change."""
-    with (run / f"{name}.csv").open(newline="") as file:
+    """A table of a run by column, `(rows,)` each; read once as long as the file stays the same."""
+    path = run / f"{name}.csv"
+    stat = path.stat()
+    return _columns(path, stat.st_mtime_ns, stat.st_size, stat.st_ino)
+
+
+@functools.lru_cache(maxsize=10_000)
+def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
+    with path.open(newline="") as file:
         header, *rows = csv.reader(file)
     return dict(zip(header, np.array(rows, float).reshape(-1, len(header)).T, strict=True))
 

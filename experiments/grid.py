@@ -159,6 +159,8 @@ def load_cells(path: Path) -> list[Cell]:
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path} is no TOML: {error}") from None
     parts = data.pop("part", [{}])
+    if not isinstance(parts, list):
+        raise ConfigError(f"part={parts!r} must be written as [[part]]")
     cells = {cell.id: cell for part in parts for cell in _grid({**data, **part}).cells()}
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
 
@@ -169,6 +171,7 @@ def _grid(data: dict[str, Any]) -> Grid:
         if not data.get(name):
             raise ConfigError(f"the grid has no {name}; give a list")
     data["seeds"] = _seeds(data["seeds"])
+    _check_types(data)
     for trainer in data.get("trainer", []):
         _check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
     data["trainer"] = [Trainer(**trainer) for trainer in data.get("trainer", [{}])]
@@ -176,7 +179,7 @@ def _grid(data: dict[str, Any]) -> Grid:
 
 
 def _seeds(value: object) -> list[int]:
-    if isinstance(value, list) and all(isinstance(seed, int) for seed in value):
+    if isinstance(value, list) and all(type(seed) is int for seed in value):
         return value
     first, dash, last = str(value).partition("-")
     if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
@@ -191,8 +194,18 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
         if section not in ("ppo", "dyna", "wrap") or not hasattr(part, key):
             raise ConfigError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD")
         fixed = tuple(value) if isinstance(value, list) else value
-        config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
+        try:
+            config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
+        except TypeError:
+            raise ConfigError(f"set has {name}={value!r}, which is of the wrong type") from None
     return config
+
+
+def _check_types(data: Mapping[str, Any]) -> None:
+    whole, lists = ("episodes", "steps", "eval_every", "eval_episodes"), ("cores", "targets", "arms", "members", "trainer")
+    for name, value in data.items():
+        if (name in whole and type(value) is not int) or (name in lists and not isinstance(value, list)):
+            raise ConfigError(f"{name}={value!r} must be a {'whole number' if name in whole else 'list'}")
 
 
 def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any collection of names or numbers

@@ -27,7 +27,7 @@ from experiments.grid import Cell, load_cells
 from experiments.plan import plan
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
-from transferkit.errors import Interrupted, RunInUseError, TransferkitError
+from transferkit.errors import ConfigError, Interrupted, RunInUseError, TransferkitError
 from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.policy import Policy
 from transferkit.run.directory import read_json
@@ -71,6 +71,8 @@ def main() -> int:
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.workers < 1:
+        raise ConfigError(f"workers={options.workers} must be at least 1; pass --workers")
     cells = load_cells(options.grid)
     if options.ray:
         check_address(options.ray)

@@ -36,7 +36,7 @@ def plan(cells: Sequence[Cell], todo: Sequence[Cell], out: Path, workers: int) -
     waiting, rows, total = {cell.id for cell in todo}, [], 0.0
     for kind, members in groups.items():
         left = [cell for cell in members if cell.id in waiting]
-        each = float(np.mean(known[kind])) if kind in known else trial(left[0])
+        each = float(np.mean(known[kind])) if kind in known else trial(left[0]) if left else 0.0
         total += len(left) * each
         source = "finished runs" if kind in known else f"a trial of {TRIAL_SECONDS:.0f} s"
         rows.append((*kind, str(len(members)), str(len(left)), f"{each:.0f} s", source))

@@ -42,7 +42,7 @@ def judge(scores: Mapping[str, Scores]) -> Verdict:
     scratch.
     *Negative transfer*: below scratch (interval below 0). *No evidence*: anything else, a missing arm included.
     """
-    if TRANSFER not in scores or not len(paired(scores, (TRANSFER,))[TRANSFER].T):
+    if TRANSFER not in scores:
         return Verdict(NONE, "The core was not run.")
     scratch = _difference(scores, SCRATCH)
     present = [name for name in CONTROLS if name in scores]

@@ -25,20 +25,23 @@ PARITY_ROWS = 1000
 """Random observations on which an exported file is compared with torch."""
 
 
-def load_subject(name: str, *, env: str | None = None, member: int = 0) -> Subject:
+def load_subject(name: str, *, env: str | None = None, member: int | None = None) -> Subject:
     """A finished run's policy, or a core: on its own source, or wrapped onto another environment without training.
 
     Args:
         name: a run directory, or a core's id or folder.
         env: the environment to play in; by default the run's, or the core's source.
-        member: of a core.
+        member: of a core; by default the first.
 
     Raises:
-        ConfigError: a run is asked for in another environment than its own.
+        ConfigError: a run is asked for in another environment than its own, or with a member.
         UnknownNameError: neither a run nor a core has this name.
     """
     if (Path(name) / RECORD).exists():
+        if member is not None:
+            raise ConfigError(f"run {name} has no members; leave out --member")
         return _run_subject(Path(name), env)
+    member = member or 0
     core = load_core(name)
     home = core.spec.env_id
     about = {"core": core.id, "core_digest": core.digest, "member": member}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,13 +14,13 @@ import torch
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, DynaConfig, PPOConfig, Preset, TrainConfig, preset
 from transferkit.envs import VectorEnv, derive_spec, make_env
-from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
 from transferkit.evaluation import Evaluation, evaluate
 from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture
 from transferkit.policy import Policy, ScratchPolicy, build, wrap
 from transferkit.policy.core import Core
 from transferkit.policy.parts import make_critic, make_dynamics
-from transferkit.run.directory import POLICY, RECORD, RunDirectory, read_json
+from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT, RunDirectory, read_json
 from transferkit.run.files import load_state
 from transferkit.run.session import Report, Session
 from transferkit.run.streams import Streams
@@ -222,7 +223,7 @@ def _execute(
     first = make()
     _check_dims(policy, first, config.env)
     out = out or default_directory(config)
-    prior, ledger = _experience(config)
+    prior, ledger = _experience(config, out, resume=resume)
     record = {**asdict(config), "policy": policy.blueprint(), "core_digest": core.digest if core else None}
     record |= {"recordings": ledger} if ledger else {}
     directory, state = _open(out, record, resume=resume)
@@ -316,9 +317,12 @@ def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Stream
     return _Trainer(train, 1, config.dyna.overrun_steps)
 
 
-def _experience(config: TrainConfig) -> tuple[Transitions | None, list[dict[str, Any]]]:
+def _experience(config: TrainConfig, out: Path, *, resume: bool) -> tuple[Transitions | None, list[dict[str, Any]]]:
+    """What to start with and where it is from; a run that has a checkpoint needs its recordings no more."""
     if not config.experience:
         return None, []
+    if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
+        return None, read_json(out / RECORD)["config"]["recordings"]
     from transferkit.record.experience import load_experience  # noqa: PLC0415 - only few runs read recordings
 
     return load_experience(config.experience, config.mapping, derive_spec(config.env))
@@ -332,7 +336,10 @@ def _record(policy: Policy, config: TrainConfig, run: Path, steps: int) -> None:
     path.parent.mkdir(exist_ok=True)
     path.unlink(missing_ok=True)
     about = {"run": str(run), "steps": steps, "core": config.core, "seed_of_training": config.seed}
-    record(Subject(policy, config.env, clip_actions=config.ppo.clip_actions, about=about), path)
+    try:
+        record(Subject(policy, config.env, clip_actions=config.ppo.clip_actions, about=about), path)
+    except TransferkitError as error:  # training is worth more than its recording
+        logging.getLogger("transferkit").warning("not recorded: %s", error)
 
 
 def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:

@@ -21,13 +21,19 @@ def main() -> int:
     parser.add_argument("results", type=Path, help="folder that `experiments.matrix --out` wrote")
     parser.add_argument("--out", type=Path, default=Path("report.html"))
     options = parser.parse_args()
-    started = time.monotonic()
     try:
-        matrix = load_matrix(options.results)
-    except TransferkitError as error:
+        report(options.results, options.out)
+    except (TransferkitError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
-    folder = options.out.with_name(f"{options.out.stem}_files")
+    return 0
+
+
+def report(results: Path, out: Path) -> None:
+    """Write everything, and say what was written."""
+    started = time.monotonic()
+    matrix = load_matrix(results)
+    folder = out.with_name(f"{out.stem}_files")
     pictures = draw_all(matrix, folder)
     found = {
         "runs": [{name: value for name, value in row.items() if name != "label"} for row in matrix.rows],
@@ -39,11 +45,10 @@ def main() -> int:
     tables = [folder / f"{name}.csv" for name, rows in found.items() if rows]
     for path in tables:
         write_csv(path, found[path.stem])
-    write_page(matrix, pictures, tables, options.out)
+    write_page(matrix, pictures, tables, out)
     for line in matrix.damaged:
         print(f"damaged, in no table: {line}; run the matrix again", file=sys.stderr)
-    print(f"{options.out}: {len(matrix.rows)} runs, {time.monotonic() - started:.1f} s; figures and tables in {folder}")
-    return 0
+    print(f"{out}: {len(matrix.rows)} runs, {time.monotonic() - started:.1f} s; figures and tables in {folder}")
 
 
 if __name__ == "__main__":

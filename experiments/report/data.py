@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -105,8 +106,17 @@ class Group:
     @cached_property
     def scores(self) -> dict[str, Array]:
         """Final evaluations `(members, seeds)` of every trained arm over the seeds of all, NaN where a run is missing."""
-        seeds = sorted({row["seed"] for name, arm in self.arms.items() if name != ZERO_ACTION for row in arm.rows})
-        return {name: _grid(arm.rows, seeds) for name, arm in self.arms.items() if name != ZERO_ACTION}
+        return {name: self.grid(name, "eval_return_mean") for name in self.arms if name != ZERO_ACTION}
+
+    def grid(self, name: str, measure: str) -> Array:
+        """A measure of an arm's runs, as `scores` has it."""
+        rows = [row for arm, found in self.arms.items() if arm != ZERO_ACTION for row in found.rows]
+        seeds = sorted({row["seed"] for row in rows})
+        members = [0] if name in WITHOUT_CORE else sorted({row["member"] for row in rows if row["core"]})
+        values = np.full((len(members), len(seeds)), np.nan)
+        for row in self.arms[name].rows:
+            values[members.index(row["member"]), seeds.index(row["seed"])] = row[measure]
+        return values
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -117,7 +127,11 @@ class Group:
     def normalized_difference(self) -> float | None:
         """Transfer minus scratch, as a share of what lies between the references."""
         difference = self.verdict.scratch
-        return None if difference is None or self.high == self.low else difference.mean / (self.high - self.low)
+        return None if difference is None else difference.mean / (self.high - self.low)
+
+    def normalized(self, returns: Array) -> Array:
+        """Returns on the scale from zero action (0) to the upper reference (1)."""
+        return stats.normalized(returns, self.low, self.high)
 
 
 @dataclass(frozen=True)
@@ -144,6 +158,7 @@ def load_matrix(root: Path) -> Matrix:
             f"{root} holds no finished run; make some with `python -m experiments.matrix GRID --out {root}`"
         )
     labelled = [{**row, "label": label(row)} for row in rows]
+    _check_single(labelled, root)
     damaged = [f"{where.name}: {what}" for where in cell_folders(root) if (what := problem(where))]
     commands = sorted({read_json(root / CELLS / row["id"] / CELL)["command"] for row in rows})
     first = next((row for row in rows if row["arm"] != ZERO_ACTION), None)
@@ -167,12 +182,13 @@ def running_mean(values: Array, window: int) -> Array:
 def _groups(rows: Sequence[Mapping[str, Any]], root: Path) -> list[Group]:
     groups = []
     trained = [row for row in rows if row["arm"] != ZERO_ACTION]
-    for target, trainer in dict.fromkeys((row["target"], row["label"]) for row in trained):
+    for target, trainer in sorted({(row["target"], row["label"]) for row in trained}):
         here = [row for row in trained if (row["target"], row["label"]) == (target, trainer)]
         idle = [row for row in rows if row["arm"] == ZERO_ACTION and row["target"] == target]
-        cores = list(dict.fromkeys(row["core"] for row in here if row["core"])) or [""]
+        cores = sorted({row["core"] for row in here if row["core"]}) or [""]
         low = idle[0]["eval_return_mean"] if idle else 0.0
-        high, source = best(target, max(row["eval_return_mean"] for row in here))
+        seen = max(row["eval_return_mean"] for row in rows if row["target"] == target)
+        high, source = best(target, seen if seen > low else low + 1.0)
         for core in cores:
             own = [row for row in here if row["core"] in ("", core)] + idle
             names = sorted({row["arm"] for row in own}, key=_rank)
@@ -185,9 +201,12 @@ def _rank(arm: str) -> tuple[int, str]:
     return (0 if arm == TRANSFER else 1 if arm == "scratch" else 3 if arm in (*WITHOUT_CORE, ZERO_ACTION) else 2, arm)
 
 
-def _grid(rows: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> Array:
-    members = sorted({row["member"] for row in rows})
-    grid = np.full((len(members), len(seeds)), np.nan)
-    for row in rows:
-        grid[members.index(row["member"]), seeds.index(row["seed"])] = row["eval_return_mean"]
-    return grid
+def _check_single(rows: Sequence[Mapping[str, Any]], root: Path) -> None:
+    names = ("target", "label", "core", "arm", "member", "seed")
+    for key, count in Counter(tuple(row[name] for name in names) for row in rows).items():
+        if count > 1:
+            what = ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True) if value != "")
+            raise RunDirectoryError(
+                f"{root} holds {count} runs of {what}, with different settings; give each setting a trainer name of its own, "
+                "or report them from folders of their own"
+            )

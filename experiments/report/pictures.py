@@ -84,9 +84,7 @@ def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401
     for group in groups:
         for name, arm in group.arms.items():
             if name != ZERO_ACTION:
-                own = dict(
-                    zip([row["id"] for row in arm.rows], stats.normalized(arm.returns, group.low, group.high), strict=True)
-                )
+                own = dict(zip([row["id"] for row in arm.rows], group.normalized(arm.returns), strict=True))
                 scores.setdefault((group.trainer, name), {}).update(own)
     for k, ((trainer, name), found) in enumerate(scores.items()):
         profile = stats.performance_profile(list(found.values()), PROFILE_POINTS)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.arms import ZERO_ACTION
+from experiments.arms import WITHOUT_CORE, ZERO_ACTION
 from experiments.report.data import Arm, Array, Group, Matrix
 from experiments.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
@@ -24,7 +24,7 @@ def arm_rows(group: Group) -> list[dict[str, Any]]:
 
 
 def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
-    low, high = stats.iqm_interval(arm.returns)
+    low, high = _mean_interval(group, arm.name, "eval_return_mean")
     row = {
         "target": group.target,
         "trainer": group.trainer,
@@ -32,16 +32,27 @@ def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
         "arm": arm.name,
         "n": len(arm.returns),
         "iqm": stats.iqm(arm.returns),
-        "iqm_low": low,
-        "iqm_high": high,
         "mean": float(arm.returns.mean()),
-        "normalized": (float(arm.returns.mean()) - group.low) / (group.high - group.low),
+        "mean_low": low,
+        "mean_high": high,
+        "normalized": float(group.normalized(arm.returns).mean()),
         "difference": None,
         "difference_low": None,
         "difference_high": None,
+        "corrected": None,
         "p_better": None,
     }
     return row | (_against(group, arm.name) if arm.name not in (TRANSFER, ZERO_ACTION) and TRANSFER in group.scores else {})
+
+
+def _mean_interval(group: Group, name: str, measure: str) -> tuple[float, float]:
+    """Of the mean over members and seeds, both resampled; over the seeds that every member has."""
+    if name == ZERO_ACTION:
+        value = group.arms[name].rows[0][measure]
+        return value, value
+    values = group.grid(name, measure)
+    complete = values[:, np.isfinite(values).all(axis=0)]
+    return stats.crossed_interval(complete) if complete.size else (float("nan"), float("nan"))
 
 
 def _against(group: Group, arm: str) -> dict[str, float]:
@@ -51,7 +62,13 @@ def _against(group: Group, arm: str) -> dict[str, float]:
         return {}
     found = group.verdict.controls.get(arm) or stats.paired_difference(usable[TRANSFER], usable[arm])
     better, _, _ = stats.probability_of_improvement(usable[TRANSFER], usable[arm])
-    return {"difference": found.mean, "difference_low": found.low, "difference_high": found.high, "p_better": better}
+    return {
+        "difference": found.mean,
+        "difference_low": found.low,
+        "difference_high": found.high,
+        "corrected": arm in group.verdict.controls,
+        "p_better": better,
+    }
 
 
 def curve_rows(group: Group) -> list[dict[str, Any]]:
@@ -114,18 +131,21 @@ def reproduction_rows(matrix: Matrix) -> list[dict[str, Any]]:
         for name, arm in group.arms.items():
             rows = [row for row in arm.rows if row["last_50_mean"] != ""]
             if rows:
-                found[group.target, group.trainer, name, "" if name == SCRATCH else group.core] = rows
-    return [_paper_row(*key, rows) for key, rows in found.items()]
+                found[group.target, group.trainer, name, "" if name in WITHOUT_CORE else group.core] = _paper_row(
+                    group, name, rows
+                )
+    return list(found.values())
 
 
-def _paper_row(target: str, trainer: str, arm: str, core: str, rows: list[Mapping[str, Any]]) -> dict[str, Any]:
-    last, everything = (np.array([row[name] for row in rows], float) for name in ("last_50_mean", "all_mean"))
-    low, high = stats.mean_interval(last)
+def _paper_row(group: Group, name: str, rows: list[Mapping[str, Any]]) -> dict[str, Any]:
+    last, everything = (np.array([row[measure] for row in rows], float) for measure in ("last_50_mean", "all_mean"))
+    low, high = _mean_interval(group, name, "last_50_mean")
+    edited_low, edited_high = _mean_interval(group, name, "last_50_edited")
     return {
-        "target": target,
-        "trainer": trainer,
-        "arm": arm,
-        "core": core,
+        "target": group.target,
+        "trainer": group.trainer,
+        "arm": name,
+        "core": "" if name in WITHOUT_CORE else group.core,
         "n": len(rows),
         "last_50": float(last.mean()),
         "last_50_low": low,
@@ -133,6 +153,8 @@ def _paper_row(target: str, trainer: str, arm: str, core: str, rows: list[Mappin
         "last_50_std": float(last.std(ddof=1)) if len(last) > 1 else 0.0,
         "last_50_median": float(np.median(last)),
         "last_50_edited": float(np.mean([row["last_50_edited"] for row in rows])),
+        "last_50_edited_low": edited_low,
+        "last_50_edited_high": edited_high,
         "all": float(everything.mean()),
         "seconds": float(np.mean([row["seconds"] for row in rows])),
         "steps": float(np.mean([row["steps"] for row in rows])),

@@ -6,13 +6,16 @@ import shutil
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
 
 from experiments import matrix
 from experiments.cells import CELLS, SET_ASIDE, set_damaged_aside
 from experiments.grid import load_cells
-from experiments.report.data import load_matrix, running_mean
+from experiments.report.data import Arm, Group, load_matrix, running_mean
+from experiments.verdict import paired
+from transferkit.errors import RunDirectoryError
 
 GRID = """
 steps = 256
@@ -72,7 +75,7 @@ def test_a_click_on_a_cell_shows_it(page):
         tab.goto(page.as_uri())
         tab.wait_for_selector("#heat-0 .nsewdrag")
         box = tab.locator("#heat-0 .nsewdrag").bounding_box()
-        for share, target in ((0.25, "InvertedPendulum-v5"), (0.75, "InvertedDoublePendulum-v5")):
+        for share, target in ((0.75, "InvertedPendulum-v5"), (0.25, "InvertedDoublePendulum-v5")):
             tab.mouse.click(box["x"] + share * box["width"], box["y"] + box["height"] / 2)
             tab.wait_for_function(f"document.querySelector('.cell:not([hidden]) h3').textContent.includes(' {target}')")
             tab.evaluate("window.scrollTo(0, 0)")
@@ -103,6 +106,37 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
     assert len(list((root / SET_ASIDE).iterdir())) == 3
     todo = [c for c in load_cells(root / "grid.toml") if not matrix.finished(root, c).exists()]
     assert len(todo) == 3
+    assert [matrix.run_cell(cell, root, "the command").error for cell in todo] == ["", "", ""]
+    assert len(matrix.collect(root)) == 10
+
+
+def made_up(arm, member, seed, value):
+    return {"arm": arm, "core": "" if arm == "scratch" else "c", "member": member, "seed": seed, "eval_return_mean": value}
+
+
+def test_members_are_paired_with_themselves_and_missing_ones_are_missing():
+    effect = {0: 0.0, 1: 5.0, 2: 9.0}
+    runs = {
+        "transfer": [made_up("transfer", m, s, effect[m]) for m in (0, 1, 2) for s in range(4)],
+        "random": [made_up("random", m, s, effect[m]) for m in (0, 1) for s in range(4)] + [made_up("random", 2, 1, effect[2])],
+        "scratch": [made_up("scratch", 0, s, 1.0) for s in range(4)],
+    }
+    arms = {name: Arm(name, rows, None) for name, rows in runs.items()}
+    scores = Group("target", "ppo", "c", arms, 0.0, 10.0, "").scores
+    assert scores["transfer"].shape == scores["random"].shape == (3, 4)
+    assert scores["scratch"].shape == (1, 4)
+    both = paired(scores, ("transfer", "random"))
+    np.testing.assert_array_equal(both["transfer"] - both["random"], np.zeros((3, 1)))
+
+
+def test_runs_of_two_settings_under_one_name_are_refused(results, tmp_path):
+    root = tmp_path / "two"
+    shutil.copytree(results, root)
+    (root / "grid.toml").write_text(GRID.replace("steps = 256", "steps = 257"))
+    cell = next(cell for cell in load_cells(root / "grid.toml") if cell.arm == "scratch")
+    assert matrix.run_cell(cell, root, "the command").error == ""
+    with pytest.raises(RunDirectoryError, match="holds 2 runs of target"):
+        load_matrix(root)
 
 
 def test_no_results_is_one_line(tmp_path):
@@ -114,6 +148,4 @@ def test_no_results_is_one_line(tmp_path):
 
 
 def test_running_mean_is_of_what_is_there():
-    import numpy as np
-
     np.testing.assert_allclose(running_mean(np.array([1.0, 3.0, 5.0, 7.0]), 2), [1.0, 2.0, 4.0, 6.0])

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import print_json
+from transferkit.cli.output import check_new, print_json
 from transferkit.errors import ConfigError
 
 
@@ -18,7 +18,7 @@ def main(arguments: Sequence[str]) -> None:
     )
     parser.add_argument("names", nargs="+", metavar="RUN|CORE|FILE.mcap", help="one policy, or recordings with --minari")
     parser.add_argument("--env", help="wrap a core onto this environment, untrained")
-    parser.add_argument("--member", type=int, default=0, help="which of a core's source seeds")
+    parser.add_argument("--member", type=int, help="which of a core's source seeds, by default 0")
     target = parser.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
     target.add_argument("--minari", metavar="DATASET", help="such as hopper/mine-v0")
@@ -32,6 +32,7 @@ def main(arguments: Sequence[str]) -> None:
         return
     if len(options.names) > 1:
         raise ConfigError(f"{len(options.names)} policies do not fit into one file; export them one by one")
+    check_new(options.out, "--out")
     from transferkit.deploy import PARITY_ROWS, export_onnx, load_subject  # noqa: PLC0415 - torch takes seconds to import
 
     difference = export_onnx(load_subject(options.names[0], env=options.env, member=options.member), options.out)

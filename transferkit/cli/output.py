@@ -7,9 +7,11 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from transferkit.budget import Budget, Spent
+from transferkit.errors import ConfigError
 
 if TYPE_CHECKING:
     from transferkit.run.session import Report
@@ -21,6 +23,18 @@ PLAIN_SECONDS = 15.0
 def print_json(data: Any) -> None:  # noqa: ANN401 - any JSON value
     """One JSON value on stdout."""
     print(json.dumps(data, indent=2, allow_nan=False))
+
+
+def check_new(path: Path, flag: str) -> None:
+    """Refuse a file that exists, or whose folder does not, before any work is done for it.
+
+    Raises:
+        ConfigError: so.
+    """
+    if path.exists():
+        raise ConfigError(f"{path} exists; pass another {flag}")
+    if not path.parent.is_dir():
+        raise ConfigError(f"cannot write {path}: no folder {path.parent}; pass {flag} in a folder that exists")
 
 
 @contextmanager

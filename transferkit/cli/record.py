@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import print_json
+from transferkit.cli.output import check_new, print_json
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
 
@@ -18,7 +18,7 @@ def main(arguments: Sequence[str]) -> None:
     )
     parser.add_argument("name", metavar="RUN|CORE", help="directory of a finished run, or a core's id or folder")
     parser.add_argument("--env", help="environment to play in; for a core any, onto which it is wrapped untrained")
-    parser.add_argument("--member", type=int, default=0, help="which of a core's source seeds")
+    parser.add_argument("--member", type=int, help="which of a core's source seeds, by default 0")
     parser.add_argument("--episodes", type=int, default=1)
     parser.add_argument("--seed", type=int, default=0, help="of the episodes' starts; 0 is the one training reports")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.mcap")
@@ -26,6 +26,7 @@ def main(arguments: Sequence[str]) -> None:
     options = parser.parse_args(arguments)
     if options.episodes < 1:
         raise ConfigError(f"episodes={options.episodes} must be at least 1; pass --episodes")
+    check_new(options.out, "--out")
     from transferkit.deploy import load_subject  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.play import record  # noqa: PLC0415
 

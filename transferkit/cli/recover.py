@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import print_json
+from transferkit.cli.output import check_new, print_json
 
 
 def main(arguments: Sequence[str]) -> None:
@@ -21,6 +21,7 @@ def main(arguments: Sequence[str]) -> None:
     from transferkit.record.recover import recover  # noqa: PLC0415
 
     out = options.out or options.file.with_suffix(".recovered.mcap")
+    check_new(out, "--out")
     messages, cut = recover(options.file, out)
     if options.json:
         print_json({"recording": str(out), "messages": messages, "cut": cut})

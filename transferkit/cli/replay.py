@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import print_json
+from transferkit.cli.output import check_new, print_json
 
 DIFFERENT = 1
 
@@ -21,10 +21,12 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--video", type=Path, metavar="FILE.mp4", help="draw it, by MuJoCo's offscreen renderer")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
     options = parser.parse_args(arguments)
-    from transferkit.record.video import choose_renderer, video  # noqa: PLC0415
+    from transferkit.record.video import check_renderer, choose_renderer, video  # noqa: PLC0415
 
     if options.video:
+        check_new(options.video, "--video")
         choose_renderer()
+        check_renderer()
     from transferkit.record.reader import read, spec_of  # noqa: PLC0415
     from transferkit.record.replay import replay  # noqa: PLC0415
 
@@ -36,10 +38,17 @@ def main(arguments: Sequence[str]) -> int:
         found = replay(options.file)
     if options.json:
         print_json(
-            {"episodes": found.episodes, "steps": found.steps, "difference": found.difference, "versions": found.versions}
+            {
+                "episodes": found.episodes,
+                "steps": found.steps,
+                "complete": found.complete,
+                "difference": found.difference,
+                "versions": found.versions,
+            }
         )
     else:
-        print(f"{found.episodes} episodes, {found.steps} steps: {_verdict(found.difference, found.versions)}")
+        cut = "" if found.complete else f"; {options.file} is cut, this is its whole part"
+        print(f"{found.episodes} episodes, {found.steps} steps: {_verdict(found.difference, found.versions)}{cut}")
     return DIFFERENT if options.check and found.difference else 0
 
 

@@ -27,26 +27,27 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
     from gymnasium.spaces import Box  # noqa: PLC0415
 
     spec = spec_of(read(paths[0], about_only=True), paths[0])
-    buffers, steps = [], 0
+    buffers = []
     for path in paths:
         found = read_transitions(path, spec)
         buffers += _episodes(found)
-        steps += len(found)
-    box = lambda dim: Box(-np.inf, np.inf, (dim,), np.float32)  # noqa: E731 - a flat space
+    if not buffers:
+        raise RecordingError(f"{paths[0]} holds no whole episode; record it again with `transferkit record`")
     try:
-        warnings.simplefilter("ignore")  # one for every piece of metadata that a user may add
-        minari.create_dataset_from_buffers(
-            dataset,
-            buffers,
-            observation_space=box(spec.obs_dim),
-            action_space=box(spec.act_dim),
-            description=f"Recorded with transferkit in {spec.env_id}; actions are shares of the actuators' ranges.",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # one for every piece of metadata that a user may add
+            minari.create_dataset_from_buffers(
+                dataset,
+                buffers,
+                observation_space=Box(-np.inf, np.inf, (spec.obs_dim,), np.float32),
+                action_space=Box(-1.0, 1.0, (spec.act_dim,), np.float32),
+                description=f"Recorded with transferkit in {spec.env_id}; actions are shares of the actuators' ranges.",
+            )
     except (ValueError, FileExistsError, AssertionError) as error:
         raise RecordingError(
             f"cannot write the Minari dataset {dataset}: {str(error).splitlines()[0]}; pass another --minari"
         ) from None
-    return steps
+    return sum(len(buffer.rewards) for buffer in buffers)
 
 
 def read_minari(dataset: str, spec: IOSpec) -> Transitions:
@@ -63,6 +64,8 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
             f"no Minari dataset {dataset} here ({str(error).splitlines()[0]}); `minari list local` lists them"
         ) from None
     episodes = list(loaded.iterate_episodes())
+    if not episodes:
+        raise RecordingError(f"Minari dataset {dataset} has no episode; pass another")
     parts = [(e.observations[:-1], e.actions, e.rewards, e.observations[1:], e.terminations, e.truncations) for e in episodes]
     try:
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
@@ -71,13 +74,23 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
     for what, array, dim in (("observation", columns[0], spec.obs_dim), ("action", columns[1], spec.act_dim)):
         if array.shape[1:] != (dim,):
             raise RecordingError(f"Minari dataset {dataset} has {what}s of shape {array.shape[1:]}, {spec.env_id} has ({dim},)")
+    columns[1] = _shares(columns[1], loaded.action_space)
     floats = [column.astype(np.float32) for column in columns[:4]]
     found = Transitions(*floats, terminated=columns[4].astype(bool), truncated=columns[5].astype(bool))
     check_finite(found, Path(f"{SCHEME}{dataset}"))
     return found
 
 
+def _shares(actions: Any, space: Any) -> Any:  # noqa: ANN401 - arrays, and gymnasium's Box
+    """Actions as shares of their space's range, as everywhere here; as they are where that has no bounds."""
+    if not (np.isfinite(space.low).all() and np.isfinite(space.high).all()):
+        return actions
+    centre, half = (space.high + space.low) / 2, (space.high - space.low) / 2
+    return np.clip((actions - centre) / half, -1.0, 1.0)
+
+
 def _episodes(found: Transitions) -> list[Any]:
+    """The episodes that ended."""
     from minari.data_collector import EpisodeBuffer  # type: ignore[import-not-found] # noqa: PLC0415
 
     ends = np.flatnonzero(found.terminated | found.truncated) + 1
@@ -91,7 +104,7 @@ def _episodes(found: Transitions) -> list[Any]:
             terminations=found.terminated[a:b].tolist(),
             truncations=found.truncated[a:b].tolist(),
         )
-        for k, (a, b) in enumerate(zip(starts, ends.tolist(), strict=True))
+        for k, (a, b) in enumerate(zip(starts, ends.tolist(), strict=False))
     ]
 
 

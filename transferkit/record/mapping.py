@@ -72,7 +72,10 @@ def load_mapping(path: Path) -> dict[str, Source]:
         what = f"has an unknown table [{unknown[0]}]" if unknown else f"has no table [{missing[0]}]"
         raise RecordingError(f"the mapping {path} {what}; it needs {', '.join(REQUIRED)} and may have {', '.join(OPTIONAL)}")
     try:
-        return {name: Source(table["topic"], tuple(table.get("fields") or [table["field"]])) for name, table in data.items()}
+        return {
+            name: Source(table["topic"], tuple(map(str, table.get("fields") or [table["field"]])))
+            for name, table in data.items()
+        }
     except (KeyError, TypeError) as error:
         raise RecordingError(
             f"the mapping {path} has a table without {error}; each has a topic, and fields or a field"
@@ -95,28 +98,49 @@ def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Tran
     if len(times) < 2:
         raise RecordingError(f"{path} has fewer than two messages on {mapping['observation'].topic}: no step can be made of it")
     rows = {name: _of_steps(series[name], times) for name in mapping if name != "observation"}
-    whole = np.all([index >= 0 for index in rows.values()], axis=0)[:-1]
+    whole = ((rows["action"] >= 0) & (rows["reward"] >= 0))[:-1]
     if not whole.any():
         raise RecordingError(
             f"{path} has no step with an action and a reward between its observation and the next; check the topics"
         )
-    taken = {name: series[name].values[rows[name][:-1][whole]] for name in rows}
-    observation = series["observation"].values.astype(np.float32)
-    flags = {name: taken[name][:, 0] > 0.5 if name in taken else np.zeros(whole.sum(), bool) for name in OPTIONAL}
-    left_out = int((~whole).sum())
+    flags = {name: _flag(series.get(name), rows.get(name), len(whole)) for name in OPTIONAL}
+    timed_out = whole & flags["truncated"] & ~flags["terminated"]
+    left_out, whole = int((~whole).sum()), whole & ~timed_out
+    flags = {name: flag[whole] for name, flag in flags.items()}
+    taken = {name: series[name].values[rows[name][:-1][whole]] for name in ("action", "reward")}
+    observation, following = (
+        series["observation"].values[part].astype(np.float32)[whole] for part in (slice(-1), slice(1, None))
+    )
+    # The next message is that of another episode; where a termination led is not needed, since nothing follows it.
+    following[flags["terminated"]] = observation[flags["terminated"]]
+    if np.abs(taken["action"]).max(initial=0.0) > 1:
+        raise RecordingError(
+            f"{path} has actions beyond -1 to 1 on {mapping['action'].topic}; log shares of the actuators' ranges"
+        )
     notes = [f"{path} is cut: {whole.sum()} steps are taken"] if cut else []
     notes += [f"{path}: {left_out} steps lack an action or a reward and are left out"] if left_out else []
+    if timed_out.any():
+        notes.append(
+            f"{path}: {timed_out.sum()} steps that ended by time are left out, since where they led is not in the file"
+        )
     found = Transitions(
-        observation[:-1][whole],
+        observation,
         taken["action"].astype(np.float32),
         taken["reward"][:, 0].astype(np.float32),
-        observation[1:][whole],
+        following,
         flags["terminated"],
         flags["truncated"],
         tuple(notes),
     )
     check_finite(found, path)
     return found
+
+
+def _flag(series: Series | None, rows: NDArray[np.int64] | None, steps: int) -> NDArray[np.bool_]:
+    """Whether an end was logged for each step; where nothing was, it went on."""
+    if series is None or rows is None or not len(series.times):
+        return np.zeros(steps, bool)
+    return (rows[:steps] >= 0) & (series.values[rows[:steps], 0] > 0.5)
 
 
 def _series(path: Path, mapping: Mapping[str, Source]) -> tuple[dict[str, Series], bool]:
@@ -166,7 +190,10 @@ def _of_steps(series: Series, times: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: DecoderFactory, path: Path) -> Any:  # noqa: ANN401
     if channel.message_encoding == "json":
-        return orjson.loads(data)
+        try:
+            return orjson.loads(data)
+        except ValueError as error:
+            raise RecordingError(f"{path}: a message of topic {channel.topic} is no JSON ({error}); check the file") from None
     decoder = protobuf.decoder_for(channel.message_encoding, schema)
     if decoder is None:
         raise RecordingError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -155,11 +155,15 @@ def read_transitions(path: Path, spec: IOSpec) -> Transitions:
         np.array([step["terminated"] for step in kept]),
         np.array([step["truncated"] for step in kept]),
         ()
-        if contents.complete
+        if contents.complete and _ended(steps[-1])
         else (f"{path} is cut: {n} steps of {kept[-1]['episode'] + 1} episodes are taken, the last one in part",),
     )
     check_finite(found, path)
-    return found
+    if not contents.about["clip_actions"] and np.abs(found.action).max() > 1:
+        raise RecordingError(
+            f"{path} has actions beyond -1 to 1 that were not clipped; record it with another preset than paper"
+        )
+    return replace(found, action=found.action.clip(-1.0, 1.0))
 
 
 def spec_of(contents: Contents, path: Path) -> IOSpec:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import base64
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,8 @@ class Replayed:
 
     episodes: int
     steps: int
+    complete: bool
+    """False for a file that was cut, of which this is the whole part."""
     difference: str
     """Where the simulation first left the recording; empty where every number was the same, to the bit."""
     versions: dict[str, tuple[str, str]]
@@ -58,39 +60,62 @@ def replay(path: Path, *, on_frame: OnFrame | None = None, render: bool = False)
     assert simulation is not None  # it was recorded
     streams, names, difference, episodes = Streams(contents.about["seed"]), Names.of(spec), "", 0
     for index, group in itertools.groupby(contents.steps, lambda step: step["episode"]):
-        env.reset(seed=streams.integer("evaluation", index))
-        found = _episode(env, simulation, list(group), names, on_frame)
+        observation, _ = env.reset(seed=streams.integer("evaluation", index))
+        found = _episode(env, simulation, list(group), names, observation, on_frame)
         difference, episodes = difference or found, episodes + 1
     env.close()
-    return Replayed(episodes, len(contents.steps), difference, _different_versions(contents))
+    return Replayed(episodes, len(contents.steps), contents.complete, difference, _different_versions(contents))
 
 
-def _episode(env: gymnasium.Env, simulation: Simulation, steps: list[Any], names: Names, on_frame: OnFrame | None) -> str:
+def _episode(
+    env: gymnasium.Env,
+    simulation: Simulation,
+    steps: list[Any],
+    names: Names,
+    observation: NDArray[np.float32],
+    on_frame: OnFrame | None,
+) -> str:
     """Play one episode; where it first differs, or nothing."""
+    size, difference = state_size(simulation), ""
+    if len(_state(steps[0])) != size:
+        return f"episode {steps[0]['episode']}: its states have {len(_state(steps[0]))} numbers, this MuJoCo's {size}"
     mujoco.mj_setState(simulation.model, simulation.data, _state(steps[0]), FULL_STATE)
-    difference, size = "", state_size(simulation)
-    for recorded in steps:
-        where = f"episode {recorded['episode']}, step {recorded['step']}"
-        if not difference and not np.array_equal(integration_state(simulation, size), _state(recorded)):
-            difference = f"{where}: the simulator's state"
+    for step in steps:
         if on_frame is not None:
             on_frame(env)
-        action = np.array([recorded["action"][name] for name in names.action], np.float32)
-        observation, reward, terminated, truncated, _ = env.step(action)
-        difference = difference or _compare(where, recorded, names, observation, (float(reward), terminated, truncated))
+        before = integration_state(simulation, size)
+        action = _vector(step["action"], names.action)
+        following, *outcome = env.step(action)
+        control = simulation.data.ctrl.tolist()
+        difference = difference or _compare(step, names, before, observation, control, following, outcome)
+        observation = following
     return difference
 
 
 def _compare(
-    where: str, recorded: dict[str, Any], names: Names, observation: NDArray[np.float32], outcome: tuple[float, bool, bool]
+    step: dict[str, Any],
+    names: Names,
+    before: NDArray[np.float64],
+    observation: NDArray[np.float32],
+    control: list[float],
+    following: NDArray[np.float32],
+    outcome: Sequence[Any],
 ) -> str:
-    if outcome != (recorded["reward"], recorded["terminated"], recorded["truncated"]):
-        return f"{where}: reward {outcome[0]!r} in place of {recorded['reward']!r}, or its end"
-    if "next_observation" in recorded:
-        expected = np.array([recorded["next_observation"][name] for name in names.observation], np.float32)
-        if not np.array_equal(expected, observation):
-            return f"{where}: the final observation"
-    return ""
+    same = {
+        "the simulator's state": np.array_equal(before, _state(step)),
+        "the observation": np.array_equal(observation, _vector(step["observation"], names.observation)),
+        "the control": control == list(step["control"].values()),
+        "the reward": float(outcome[0]) == step["reward"],
+        "its end": (outcome[1], outcome[2]) == (step["terminated"], step["truncated"]),
+        "the final observation": "next_observation" not in step
+        or np.array_equal(following, _vector(step["next_observation"], names.observation)),
+    }
+    wrong = [what for what, right in same.items() if not right]
+    return f"episode {step['episode']}, step {step['step']}: {wrong[0]}" if wrong else ""
+
+
+def _vector(values: dict[str, float], names: Sequence[str]) -> NDArray[np.float32]:
+    return np.array([values[name] for name in names], np.float32)
 
 
 def _state(recorded: dict[str, Any]) -> NDArray[np.float64]:

@@ -8,12 +8,14 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
 from transferkit.errors import RecordingError
-from transferkit.record.replay import OnFrame
+
+if TYPE_CHECKING:
+    from transferkit.record.replay import OnFrame
 
 FPS = 30.0
 """The most frames a second of simulated time."""
@@ -45,12 +47,10 @@ def check_renderer() -> None:
 def video(path: Path, time_step: float) -> Iterator[OnFrame]:
     """A function that adds a frame of an environment in render mode `rgb_array`, at most `FPS` a simulated second.
 
-    Raises:
-        RecordingError: nothing can be rendered, or the file cannot be written.
+    Call `check_renderer` first.
     """
     import imageio_ffmpeg  # type: ignore[import-untyped] # noqa: PLC0415 - brings ffmpeg; only videos need it
 
-    check_renderer()
     every = max(1, round(1 / (FPS * time_step))) if time_step else 1
     fps: Any = 1 / (every * time_step) if time_step else FPS  # a float will do
     writer, steps = None, 0

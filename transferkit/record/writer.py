@@ -75,12 +75,9 @@ class Recorder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Write the summary, with which readers find their way quickly."""
-        self._writer.finish()
-        self._file.close()
+        if error is None:
+            self._writer.finish()  # the summary, with which readers find their way quickly
+        self._file.close()  # without it the file counts as cut, which it is
 
     def time(self, step: int) -> int:
         """Nanoseconds of a step of this file."""

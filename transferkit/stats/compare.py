@@ -43,7 +43,7 @@ def paired_difference(
 def holm_differences(
     scores: ArrayLike, controls: Mapping[str, ArrayLike], *, rng: np.random.Generator | None = None
 ) -> dict[str, Difference]:
-    """The differences to several controls, with intervals that hold for all of them together (Holm 1979).
+    """The differences to several controls, with intervals at the levels of Holm's step-down tests (Holm 1979).
 
     The clearest of m differences gets the confidence 1 - 0.05 / m, the next 1 - 0.05 / (m - 1), and so on.
     """
