@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ import torch
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, DynaConfig, PPOConfig, Preset, TrainConfig, preset
 from transferkit.envs import VectorEnv, derive_spec, make_env
-from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
+from transferkit.errors import ConfigError, RunDirectoryError
 from transferkit.evaluation import Evaluation, evaluate
 from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture
 from transferkit.policy import Policy, ScratchPolicy, build, wrap
@@ -240,7 +239,11 @@ def _execute(
 
         def evaluate_now() -> Mapping[str, float]:
             if record_every and session.evaluations % record_every == 0:
-                _record(_as_saved(policy), config, directory.path, session.spent.steps)
+                from transferkit.record.play import record_evaluation  # noqa: PLC0415 - only few runs are recorded
+
+                about = {"run": str(directory.path), "core": config.core, "training_seed": config.seed}
+                subject = _as_saved(policy), config.env, config.ppo.clip_actions
+                record_evaluation(*subject, about, directory.path, session.spent.steps)
             return evaluate(_as_saved(policy), make, episodes=config.eval_episodes).row()
 
         session = Session(
@@ -326,20 +329,6 @@ def _experience(config: TrainConfig, out: Path, *, resume: bool) -> tuple[Transi
     from transferkit.record.experience import load_experience  # noqa: PLC0415 - only few runs read recordings
 
     return load_experience(config.experience, config.mapping, derive_spec(config.env))
-
-
-def _record(policy: Policy, config: TrainConfig, run: Path, steps: int) -> None:
-    """An episode of the present policy, in place of one that a killed process began."""
-    from transferkit.record.play import Subject, record  # noqa: PLC0415 - only few runs are recorded
-
-    path = run / "recordings" / f"step_{steps}.mcap"
-    path.parent.mkdir(exist_ok=True)
-    path.unlink(missing_ok=True)
-    about = {"run": str(run), "steps": steps, "core": config.core, "seed_of_training": config.seed}
-    try:
-        record(Subject(policy, config.env, clip_actions=config.ppo.clip_actions, about=about), path)
-    except TransferkitError as error:  # training is worth more than its recording
-        logging.getLogger("transferkit").warning("not recorded: %s", error)
 
 
 def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:

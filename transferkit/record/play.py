@@ -4,6 +4,7 @@
 # mujoco's names come from a compiled module that pyright cannot read.
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from transferkit.envs import derive_spec, make_env
 from transferkit.envs.access import Simulation, open_simulation
-from transferkit.errors import RecordingError
+from transferkit.errors import RecordingError, TransferkitError
 from transferkit.nn import Critic
 from transferkit.policy import Policy
 from transferkit.record.format import SCENE, SCENE_HZ, TRANSFORMS, Names, about
@@ -78,6 +79,20 @@ def record(subject: Subject, path: Path, *, episodes: int = 1, seed: int = 0) ->
         played = [_episode(recorder, subject, env, simulation, k, streams.integer("evaluation", k)) for k in range(episodes)]
     env.close()
     return played
+
+
+def record_evaluation(policy: Policy, env: str, clip_actions: bool, about: Mapping[str, Any], run: Path, steps: int) -> None:  # noqa: FBT001
+    """An episode of a policy in training as `recordings/step_<N>.mcap` of its run, in place of one that a killed process began.
+
+    What goes wrong is logged as a warning: training is worth more than its recording.
+    """
+    path = run / "recordings" / f"step_{steps}.mcap"
+    try:
+        path.parent.mkdir(exist_ok=True)
+        path.unlink(missing_ok=True)
+        record(Subject(policy, env, clip_actions=clip_actions, about={**about, "steps": steps}), path)
+    except (TransferkitError, OSError) as error:
+        logging.getLogger("transferkit").warning("not recorded: %s", error)
 
 
 def integration_state(simulation: Simulation, size: int) -> NDArray[np.float64]:
