@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -237,25 +238,15 @@ def _execute(
             overrun_steps=trainer.overrun_steps,
         )
 
-        def evaluate_now() -> Mapping[str, float]:
-            if record_every and session.evaluations % record_every == 0:
-                from transferkit.record.play import record_evaluation  # noqa: PLC0415 - only few runs are recorded
-
-                about = {"run": str(directory.path), "core": config.core, "training_seed": config.seed}
-                subject = _as_saved(policy), config.env, config.ppo.clip_actions
-                record_evaluation(*subject, about, directory.path, session.spent.steps)
-            return evaluate(_as_saved(policy), make, episodes=config.eval_episodes).row()
-
         session = Session(
             directory,
             budget,
             envs.num_envs,
-            evaluate=evaluate_now,
+            evaluate=partial(_evaluate, policy, make, config, record_every),
             eval_every=config.eval_every,
             checkpoint_seconds=config.checkpoint_seconds,
             report=report,
         )
-
         if state is not None:
             session.restore(state["session"])
         with session.running():
@@ -272,6 +263,17 @@ def _execute(
         return result
     finally:
         directory.close()
+
+
+def _evaluate(policy: Policy, make: MakeEnv, config: TrainConfig, record_every: int, session: Session) -> Mapping[str, float]:
+    saved = _as_saved(policy)
+    if record_every and session.evaluations % record_every == 0:
+        from transferkit.record.play import record_evaluation  # noqa: PLC0415 - only few runs are recorded
+
+        run = session.directory.path
+        about = {"run": str(run), "core": config.core, "training_seed": config.seed}
+        record_evaluation(saved, config.env, config.ppo.clip_actions, about, run, session.spent.steps)
+    return evaluate(saved, make, episodes=config.eval_episodes).row()
 
 
 def _part_state(part: Critic | Dynamics) -> dict[str, Any]:

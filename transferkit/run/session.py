@@ -32,7 +32,7 @@ class Session:
         budget: Budget,
         num_envs: int,
         *,
-        evaluate: Callable[[], Mapping[str, float]],
+        evaluate: Callable[[Session], Mapping[str, float]],
         eval_every: int = 0,
         checkpoint_seconds: float = 20.0,
         report: Report | None = None,
@@ -114,7 +114,7 @@ class Session:
         """Evaluate the policy, off the clock, and write the row."""
         with self._paused():
             row = {"episodes": self.spent.episodes, "steps": self.spent.steps, "seconds": round(self.spent.seconds, 3)}
-            scores = self._evaluate()
+            scores = self._evaluate(self)
             self.directory.append("evaluations", {**row, **scores})
             self._log({f"evaluation/{name}": value for name, value in scores.items()})
         self._evaluated = self.spent.steps
