@@ -14,9 +14,10 @@ from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError
 from transferkit.nn import Critic, Ensemble, JointInput
 from transferkit.policy import Policy, wrap
-from transferkit.record.format import distinct
+from transferkit.policy.health import random_play
+from transferkit.record.format import Names
 from transferkit.record.play import Subject
-from transferkit.run.directory import RECORD, read_json
+from transferkit.run.directory import POLICY, RECORD, read_json
 from transferkit.transfer import load_parts, load_policy
 from transferkit.versions import versions
 from transferkit.zoo.artifact import load_core
@@ -56,7 +57,7 @@ def _run_subject(run: Path, env: str | None) -> Subject:
     if env not in (None, record["env"]):
         raise ConfigError(f"run {run} was trained in {record['env']} and cannot play {env}; leave out --env")
     policy = load_policy(run)
-    digest = hashlib.sha256((run / "policy.safetensors").read_bytes()).hexdigest()
+    digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
     about = {name: record[name] for name in ("algo", "preset", "core", "core_digest", "member", "seed")}
     clip = record["ppo"]["clip_actions"]
     return Subject(
@@ -111,6 +112,7 @@ def export_onnx(subject: Subject, path: Path) -> float:
         raise ConfigError(f"export needs {error.name}, which is not installed; pip install 'transferkit[onnx]'") from None
     assert isinstance(subject.env, str)
     spec = derive_spec(subject.env)
+    names = Names.of(spec)
     bounds = [torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high")]
     deployed = Deployed(subject.policy, *bounds).eval()
     observation = _random_observations(subject.env)
@@ -130,8 +132,8 @@ def export_onnx(subject: Subject, path: Path) -> float:
     model = program.model_proto
     about = {
         "env": spec.env_id,
-        "observation_names": json.dumps(distinct([element.name for element in spec.observation])),
-        "action_names": json.dumps(distinct([actuator.name for actuator in spec.action])),
+        "observation_names": json.dumps(names.observation),
+        "action_names": json.dumps(names.action),
         "action_low": json.dumps(bounds[0].tolist()),
         "action_high": json.dumps(bounds[1].tolist()),
         "time_step": json.dumps(spec.time_step),
@@ -153,7 +155,5 @@ def export_onnx(subject: Subject, path: Path) -> float:
 
 def _random_observations(env_id: str) -> Tensor:
     """As random play meets them, and their multiples."""
-    from transferkit.policy.health import random_play  # noqa: PLC0415
-
     seen = torch.from_numpy(random_play(env_id, PARITY_ROWS, 0))
     return seen * torch.linspace(0.1, 3.0, len(seen)).unsqueeze(-1)

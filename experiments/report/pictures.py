@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,6 @@ DASHES = ("-", "--", ":")
 """With the colours, enough styles for fifteen lines; dashes also tell lines apart in grey."""
 
 PROFILE_POINTS = np.linspace(0.0, 1.0, 101)
-
-Lines = Mapping[str, Arm]
 
 
 def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
