@@ -163,8 +163,11 @@ class DynaConfig:
     """Wrap the core's critic, where it has one; False starts with new critics."""
     wrap_dynamics: bool = True
     """Wrap the core's model, where it has one; False starts with a new model."""
-    model_share: float = 0.05
-    """Share of all transitions learnt from that are imagined; 0 trains no model."""
+    model_share: float = 0.0
+    """Share of all transitions learnt from that are imagined. None by default, because no share was found to be better (docs:
+    evidence); the model is then fitted for curiosity alone, as long as that lasts."""
+    keep_model: bool = False
+    """Fit the model even where nothing needs it; `pretrain` does, for the core's `dynamics` part."""
     mix_batches: bool = True
     """Mix real and imagined transitions, or put the imagined ones into the last batches of a step (the paper)."""
     horizon: int = 1

@@ -69,6 +69,8 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
     folder = recipe.zoo / recipe.id
     if folder.exists():
         raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")
+    if config.algo == "dyna-ddpg":
+        config = replace(config, dyna=replace(config.dyna, keep_model=True))
     results = _train_members(recipe, config, report)
     policies = [policy for policy in map(load_policy, (r.run_dir for r in results)) if isinstance(policy, ScratchPolicy)]
     returns = [

@@ -146,18 +146,28 @@ def test_the_discount_follows_the_time_step():
     assert DynaConfig(gamma=0.9).for_time_step(0.0).gamma == 0.9
 
 
-def test_novelty_is_the_reward_until_rewards_or_ends_tell_more(agent):
-    made = agent(curious_until=2, model_share=0.5)
-    assert not made.curious  # rewards differ
-    made.buffer.all().reward.fill_(0.0)
-    assert not made.curious  # no model yet
-    made.losses["model"] = torch.zeros(())
-    assert made.curious
-    made.buffer.all().reward[1:3] = 1.0
-    assert not made.curious
-    made.buffer.all().reward.fill_(0.0)
-    made.buffer.all().terminated[3] = 1.0
-    assert not made.curious
+def test_without_imagining_the_model_is_fitted_until_rewards_or_ends_are_met(agent):
+    made = agent(curious_until=2)
+    assert not made.needs_model  # rewards differ
+    seen = made.buffer.all()
+    seen.reward.fill_(0.0)
+    assert made.needs_model
+    seen.reward[1:3] = 1.0
+    assert not made.needs_model
+    seen.reward.fill_(0.0)
+    seen.terminated[3] = 1.0
+    assert not made.needs_model
+    for setting in ({"model_share": 0.5}, {"keep_model": True}):
+        assert agent(**setting).needs_model, setting
+
+
+def test_novelty_is_the_reward_where_none_was_met(agent):
+    for curious_until, fitted in ((2, True), (0, False)):
+        made = agent(curious_until=curious_until, model_every=1, gamma=0.0)  # values are rewards
+        made.buffer.all().reward.fill_(0.0)
+        made.learn()
+        assert made.fitted == fitted
+        assert (made.losses["value"] > 0.0) == fitted
 
 
 def test_noise_falls_over_the_budget(agent):

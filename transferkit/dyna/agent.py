@@ -77,7 +77,7 @@ class Agent:
         self.buffer.extend(prior)
         self.policy.update_normalizer(prior.observation.to(self.device))
         self._warming_up = False
-        if self.config.model_share:
+        if self.needs_model:
             self._fit()
 
     def learn(self) -> None:
@@ -85,10 +85,10 @@ class Agent:
         config = self.config
         if self.buffer.added < config.batch_size:
             return
-        if config.model_share and self.buffer.added % config.model_every == 0:
+        if self.buffer.added % config.model_every == 0 and self.needs_model:
             self._fit()
         batch = self.buffer.split(self._batches())
-        if self.curious:
+        if self.fitted and self.unrewarded:  # learn from what is new
             batch = batch._replace(reward=novelty(self.model, batch))
         targets = td_target(self.target_policy, self.target_critic, batch, self._target_noise(batch), config)
         for k in range(config.updates_per_step):
@@ -104,10 +104,13 @@ class Agent:
         return "model" in self.losses
 
     @property
-    def curious(self) -> bool:
+    def needs_model(self) -> bool:
+        """Whether the model is fitted further: to imagine with, for a core to keep, or to tell what is new."""
+        return self.config.model_share > 0 or self.config.keep_model or self.unrewarded
+
+    @property
+    def unrewarded(self) -> bool:
         """Whether neither rewards nor terminations say yet what is good."""
-        if not self.fitted:
-            return False
         seen = self.buffer.all()
         return not bool(seen.terminated.any()) and bool((seen.reward != seen.reward[0]).sum() < self.config.curious_until)
 

@@ -63,7 +63,7 @@ def train(
         step = envs.step(action, session.count)
         agent.observe(observation, action, step)
         observation = step.observation
-        if agent.fitted and session.spent.steps % EVERY == 0:
+        if session.spent.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append("model", {"steps": session.spent.steps, **diagnose(model, agent.buffer)})
         agent.learn()
         if session.spent.steps % LOG_EVERY == 0:
