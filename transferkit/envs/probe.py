@@ -44,8 +44,21 @@ def derive_spec(env: str | gymnasium.Env) -> IOSpec:
     """The meaning of an environment's observation and action; the environment's state is lost (reset it afterwards).
 
     Works for every MuJoCo environment of either backend; where the backend does not let the observation be asked for,
-    and outside MuJoCo, every element is `unknown`.
+    and outside MuJoCo, every element is `unknown`. An id is looked at once a process, as long as it names the same.
     """
+    if not isinstance(env, str):
+        return _derive(env)
+    registered = gymnasium.registry.get(env)
+    if env not in _DERIVED or _DERIVED[env][0] is not registered:
+        _DERIVED[env] = registered, _derive(env)
+    return _DERIVED[env][1]
+
+
+_DERIVED: dict[str, tuple[object, IOSpec]] = {}
+"""What Gymnasium had registered under an id, and what it was found to be."""
+
+
+def _derive(env: str | gymnasium.Env) -> IOSpec:
     made = make_env(env)
     made.reset(seed=0)
     raw = made.env  # type: ignore[attr-defined] - below the scaling of actions

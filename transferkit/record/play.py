@@ -7,6 +7,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,9 @@ from transferkit.envs.access import Simulation, open_simulation
 from transferkit.errors import RecordingError, TransferkitError
 from transferkit.nn import Critic
 from transferkit.policy import Policy
-from transferkit.record.format import SCENE, SCENE_HZ, TRANSFORMS, Names, about
+from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
-from transferkit.record.writer import Recorder, Row
+from transferkit.record.writer import Recorder, Steps
 from transferkit.run.streams import Streams
 from transferkit.versions import command, versions
 
@@ -31,6 +32,14 @@ ROWS = 250
 """Steps that are encoded together; what lies between the core's ends is computed for all of them at once."""
 
 FULL_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
+NAMED = {
+    "time": int(mujoco.mjtState.mjSTATE_TIME),
+    "qpos": int(mujoco.mjtState.mjSTATE_QPOS),
+    "qvel": int(mujoco.mjtState.mjSTATE_QVEL),
+    "control": int(mujoco.mjtState.mjSTATE_CTRL),
+}
+"""Parts of the state that are recorded under names too."""
 
 
 @dataclass(frozen=True)
@@ -107,9 +116,15 @@ def state_size(simulation: Simulation) -> int:
     return mujoco.mj_stateSize(simulation.model, FULL_STATE)
 
 
+def state_part(simulation: Simulation, states: NDArray[np.float64], part: int) -> NDArray[np.float64]:
+    """One of MuJoCo's state elements `(N, k)` of integration states `(N, size)`, which hold them in the order of their bits."""
+    before = mujoco.mj_stateSize(simulation.model, FULL_STATE & (part - 1))
+    return states[:, before : before + mujoco.mj_stateSize(simulation.model, part)]
+
+
 def reward_terms(info: Mapping[str, Any]) -> dict[str, float]:
     """The terms of the reward that an environment names, as Gymnasium's do."""
-    return {name: float(value) for name, value in info.items() if name.startswith("reward_") and np.ndim(value) == 0}
+    return {name: float(value) for name, value in info.items() if name.startswith("reward_") and isinstance(value, Real)}
 
 
 def _make(subject: Subject) -> gymnasium.Env:
@@ -117,36 +132,51 @@ def _make(subject: Subject) -> gymnasium.Env:
 
 
 def _episode(recorder: Recorder, subject: Subject, env: gymnasium.Env, simulation: Simulation, index: int, seed: int) -> Played:
-    observation, _ = env.reset(seed=seed)
     model, data = simulation.model, simulation.data
     every = max(1, round(1 / (SCENE_HZ * recorder.time(1) / 1e9))) if recorder.time(1) else 1
-    poses, size = Transforms(model), state_size(simulation)
-    start, rows, total, steps = recorder.steps, [], 0.0, 0
-    terminated = truncated = False
-    recorder.add_protobuf(SCENE, scene(model, recorder.time(start)), recorder.time(start))
+    observation, _ = env.reset(seed=seed)
+    poses, start, total, steps = Transforms(model, data), recorder.steps, 0.0, 0
+    recorder.add_scene(recorder.time(start), scene(model, recorder.time(start)))
+    states = np.empty((ROWS + 1, state_size(simulation)))
+    mujoco.mj_getState(model, data, states[0], FULL_STATE)
+    rows, terminated, truncated = [], False, False
     while not (terminated or truncated):
-        at = recorder.time(start + steps)
         if steps % every == 0:
-            recorder.add_protobuf(TRANSFORMS, poses.at(data, at), at)
-        before = data.time, data.qpos.copy(), data.qvel.copy(), integration_state(simulation, size)
+            poses.note(recorder.time(start + steps))
         action = subject.policy.act(observation[None])[0]
         following, reward, terminated, truncated, info = env.step(action)
-        step = action, data.ctrl.copy(), float(reward), reward_terms(info), bool(terminated), bool(truncated)
-        rows.append(Row(observation, *step, following, *before))
+        rows.append((observation, action, reward, info))
         observation, steps = following, steps + 1
+        mujoco.mj_getState(model, data, states[len(rows)], FULL_STATE)
         if terminated or truncated or len(rows) == ROWS:
-            total = recorder.add_rows(index, steps - len(rows), rows, total, _inner(subject, rows))
-            rows = []
-    recorder.end_episode(index=index, seed=seed, steps=steps, total=total, terminated=bool(terminated), first=start)
+            taken = _steps(rows, states[: len(rows) + 1], simulation, following, terminated=terminated, truncated=truncated)
+            recorder.add_transforms(poses.messages())
+            total = recorder.add_steps(index, steps - len(rows), taken, total, _inner(subject, taken))
+            states[0], rows = states[len(rows)], []
+    recorder.end_episode(index=index, seed=seed, steps=steps, total=total, terminated=terminated, first=start)
     return Played(seed, steps, total)
 
 
+def _steps(
+    rows: list[tuple[Any, ...]],
+    states: NDArray[np.float64],
+    simulation: Simulation,
+    following: NDArray[np.float32],
+    **ends: bool,
+) -> Steps:
+    """Rows of observation, action, reward and info as columns; a control is what the simulator holds after its step."""
+    observations, actions, rewards, infos = zip(*rows, strict=True)
+    parts = {name: state_part(simulation, states, part) for name, part in NAMED.items()}
+    physics = {name: part[1:] if name == "control" else part[:-1] for name, part in parts.items()}
+    terms = [reward_terms(info) for info in infos]
+    return Steps(np.stack(observations), np.stack(actions), rewards, terms, states[:-1], physics, following, **ends)
+
+
 @torch.no_grad()
-def _inner(subject: Subject, rows: list[Row]) -> dict[str, NDArray[Any]]:
+def _inner(subject: Subject, steps: Steps) -> dict[str, NDArray[Any]]:
     """What the policy makes of the observations on the way, and the critics' mean value of the actions."""
-    observation = torch.from_numpy(np.stack([row.observation for row in rows]))
+    observation = torch.from_numpy(steps.observation)
     found = subject.policy.trace(observation)
     if subject.critic is not None:
-        action = torch.from_numpy(np.stack([row.action for row in rows])).clamp(-1.0, 1.0)
-        found = found | {"value": subject.critic(observation, action).mean(0)}
+        found = found | {"value": subject.critic(observation, torch.from_numpy(steps.action).clamp(-1.0, 1.0)).mean(0)}
     return {name: tensor.numpy() for name, tensor in found.items()}

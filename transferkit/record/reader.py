@@ -36,7 +36,7 @@ class Contents:
     steps: list[dict[str, Any]]
     """Messages of the topic `/step`."""
     complete: bool
-    """False for a file that was cut."""
+    """False for a file that was cut, or whose last episode was."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def read(path: Path, *, about_only: bool = False) -> Contents:
             complete = isinstance(record, Footer)
     except CutError:
         complete = False
-    return Contents(about, episodes, steps, complete)
+    return Contents(about, episodes, steps, complete and bool(not steps or _ended(steps[-1])))
 
 
 class CutError(Exception):
@@ -155,7 +155,7 @@ def read_transitions(path: Path, spec: IOSpec) -> Transitions:
         np.array([step["terminated"] for step in kept]),
         np.array([step["truncated"] for step in kept]),
         ()
-        if contents.complete and _ended(steps[-1])
+        if contents.complete
         else (f"{path} is cut: {n} steps of {kept[-1]['episode'] + 1} episodes are taken, the last one in part",),
     )
     check_finite(found, path)

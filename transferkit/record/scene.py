@@ -1,27 +1,31 @@
 """A MuJoCo model's geoms as Foxglove's scene: one entity a body, in the body's own frame, which transforms move."""
 
 # pyright: reportAttributeAccessIssue=false
-# mujoco's and protobuf's names come from compiled modules that pyright cannot read.
+# mujoco's names come from a compiled module that pyright cannot read.
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterator
 from typing import Any
 
 import mujoco
 import numpy as np
-from foxglove_schemas_protobuf.Color_pb2 import Color
-from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
-from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
-from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.Point3_pb2 import Point3
-from foxglove_schemas_protobuf.Pose_pb2 import Pose
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
-from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
-from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
-from google.protobuf.timestamp_pb2 import Timestamp
+from foxglove.messages import (
+    Color,
+    CubePrimitive,
+    CylinderPrimitive,
+    FrameTransform,
+    FrameTransforms,
+    Point3,
+    Pose,
+    Quaternion,
+    SceneEntity,
+    SceneUpdate,
+    SpherePrimitive,
+    Timestamp,
+    TriangleListPrimitive,
+    Vector3,
+)
 
 WORLD = "world"
 PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.01
@@ -32,73 +36,77 @@ Geom = mujoco.mjtGeom
 
 def scene(model: Any, nanoseconds: int) -> SceneUpdate:  # noqa: ANN401 - mujoco.MjModel
     """Every visible geom of the model; height fields and signed distance fields are left out."""
-    entities = []
-    for body in range(model.nbody):
-        entity = SceneEntity(
-            id=_name(model, body), frame_id=_name(model, body), frame_locked=True, timestamp=_time(nanoseconds)
-        )
-        for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
-            if model.geom_rgba[geom, 3] > 0:
-                _add(entity, model, geom)
-        entities.append(entity)
-    return SceneUpdate(entities=entities)
+    return SceneUpdate(entities=[_entity(model, body, _time(nanoseconds)) for body in range(model.nbody)])
 
 
 class Transforms:
-    """Where every body of a model is in the world; one message that is filled again for every moment."""
+    """Where every body is in the world: noted while the simulation runs, which is quick, and made into messages later."""
 
-    def __init__(self, model: Any) -> None:  # noqa: ANN401 - mujoco.MjModel
-        frames = [
-            FrameTransform(
-                timestamp=Timestamp(),
-                parent_frame_id=WORLD,
-                child_frame_id=_name(model, body),
-                translation=Vector3(),
-                rotation=Quaternion(),
-            )
-            for body in range(1, model.nbody)
-        ]
-        self._message = FrameTransforms(transforms=frames)
-        self._parts = [(frame.timestamp, frame.translation, frame.rotation) for frame in self._message.transforms]
+    def __init__(self, model: Any, data: Any) -> None:  # noqa: ANN401 - mujoco.MjModel, mujoco.MjData
+        self._names = [_name(model, body) for body in range(1, model.nbody)]
+        self._positions, self._quaternions = data.xpos[1:], data.xquat[1:]  # views of the simulation's memory
+        self._noted: list[tuple[int, list[Any], list[Any]]] = []
 
-    def at(self, data: Any, nanoseconds: int) -> FrameTransforms:  # noqa: ANN401 - mujoco.MjData
-        """The message for the present state of the simulation."""
-        seconds, nanos = divmod(nanoseconds, 10**9)
-        poses = zip(self._parts, data.xpos[1:].tolist(), data.xquat[1:].tolist(), strict=True)
-        for (stamp, translation, rotation), position, quaternion in poses:
-            stamp.seconds, stamp.nanos = seconds, nanos
-            translation.x, translation.y, translation.z = position
-            rotation.w, rotation.x, rotation.y, rotation.z = quaternion
-        return self._message
+    def note(self, nanoseconds: int) -> None:
+        """Remember the present state of the simulation."""
+        self._noted.append((nanoseconds, self._positions.tolist(), self._quaternions.tolist()))
+
+    def messages(self) -> Iterator[tuple[int, FrameTransforms]]:
+        """A time in nanoseconds and a message for everything noted since the last call."""
+        noted, self._noted = self._noted, []
+        for nanoseconds, positions, quaternions in noted:
+            stamp, poses = _time(nanoseconds), zip(self._names, positions, quaternions, strict=True)
+            yield nanoseconds, FrameTransforms(transforms=[_transform(stamp, *pose) for pose in poses])
 
 
-def _add(entity: SceneEntity, model: Any, geom: int) -> None:  # noqa: ANN401
+def _transform(stamp: Timestamp, name: str, position: list[float], quaternion: list[float]) -> FrameTransform:
+    (x, y, z), (w, i, j, k) = position, quaternion
+    return FrameTransform(
+        timestamp=stamp,
+        parent_frame_id=WORLD,
+        child_frame_id=name,
+        translation=Vector3(x=x, y=y, z=z),
+        rotation=Quaternion(w=w, x=i, y=j, z=k),
+    )
+
+
+def _entity(model: Any, body: int, stamp: Timestamp) -> SceneEntity:  # noqa: ANN401
+    parts: Any = defaultdict(list)
+    for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
+        if model.geom_rgba[geom, 3] > 0:
+            for kind, primitive in _primitives(model, geom):
+                parts[kind].append(primitive)
+    name = _name(model, body)
+    return SceneEntity(id=name, frame_id=name, frame_locked=True, timestamp=stamp, **parts)
+
+
+def _primitives(model: Any, geom: int) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
     size, kind = model.geom_size[geom].tolist(), Geom(int(model.geom_type[geom]))
     look = {"pose": _pose(model.geom_pos[geom], model.geom_quat[geom]), "color": _colour(model, geom)}
     if kind == Geom.mjGEOM_SPHERE:
-        entity.spheres.append(SpherePrimitive(size=_vector([2 * size[0]] * 3), **look))
+        yield "spheres", SpherePrimitive(size=_vector([2 * size[0]] * 3), **look)
     elif kind == Geom.mjGEOM_ELLIPSOID:
-        entity.spheres.append(SpherePrimitive(size=_vector([2 * s for s in size]), **look))
+        yield "spheres", SpherePrimitive(size=_vector([2 * s for s in size]), **look)
     elif kind == Geom.mjGEOM_BOX:
-        entity.cubes.append(CubePrimitive(size=_vector([2 * s for s in size]), **look))
+        yield "cubes", CubePrimitive(size=_vector([2 * s for s in size]), **look)
     elif kind == Geom.mjGEOM_PLANE:
         sides = [2 * s if s else PLANE_SIZE for s in size[:2]]
-        entity.cubes.append(CubePrimitive(size=_vector([*sides, PLANE_THICKNESS]), **look))
+        yield "cubes", CubePrimitive(size=_vector([*sides, PLANE_THICKNESS]), **look)
     elif kind in (Geom.mjGEOM_CYLINDER, Geom.mjGEOM_CAPSULE):
-        cylinder = CylinderPrimitive(size=_vector([2 * size[0], 2 * size[0], 2 * size[1]]), bottom_scale=1, top_scale=1, **look)
-        entity.cylinders.append(cylinder)
+        extent = _vector([2 * size[0], 2 * size[0], 2 * size[1]])
+        yield "cylinders", CylinderPrimitive(size=extent, bottom_scale=1.0, top_scale=1.0, **look)
         if kind == Geom.mjGEOM_CAPSULE:
-            _add_caps(entity, model, geom, size)
+            yield from _caps(model, geom, size)
     elif kind == Geom.mjGEOM_MESH:
-        entity.triangles.append(_mesh(model, model.geom_dataid[geom], look))
+        yield "triangles", _mesh(model, model.geom_dataid[geom], look)
 
 
-def _add_caps(entity: SceneEntity, model: Any, geom: int, size: list[float]) -> None:  # noqa: ANN401
+def _caps(model: Any, geom: int, size: list[float]) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
     axis = np.zeros(3)
     mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, size[1]]), model.geom_quat[geom])
     for end in (model.geom_pos[geom] + axis, model.geom_pos[geom] - axis):
         pose = _pose(end, model.geom_quat[geom])
-        entity.spheres.append(SpherePrimitive(size=_vector([2 * size[0]] * 3), pose=pose, color=_colour(model, geom)))
+        yield "spheres", SpherePrimitive(size=_vector([2 * size[0]] * 3), pose=pose, color=_colour(model, geom))
 
 
 def _mesh(model: Any, mesh: int, look: dict[str, Any]) -> TriangleListPrimitive:  # noqa: ANN401
@@ -131,4 +139,4 @@ def _quaternion(wxyz: Any) -> Quaternion:  # noqa: ANN401 - MuJoCo's order
 
 
 def _time(nanoseconds: int) -> Timestamp:
-    return Timestamp(seconds=nanoseconds // 10**9, nanos=nanoseconds % 10**9)
+    return Timestamp(*divmod(nanoseconds, 10**9))

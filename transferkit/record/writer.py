@@ -1,50 +1,50 @@
-"""Writing a recording: rows are gathered, encoded together, and on the disk chunk by chunk."""
+"""Writing a recording: steps are gathered, encoded together, and on the disk chunk by chunk."""
 
 from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
 
 import numpy as np
 import orjson
-from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
-from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
-from mcap_protobuf.schema import register_schema
+from foxglove import Channel, Context, open_mcap
+from foxglove.channels import FrameTransformsChannel, SceneUpdateChannel
+from foxglove.mcap import MCAPCompression, MCAPWriteOptions
+from foxglove.messages import FrameTransforms, SceneUpdate
 from numpy.typing import NDArray
 
 from transferkit.errors import NotFiniteError, RecordingError
 from transferkit.record.format import ABOUT, EPISODE, SCENE, STEP, TRANSFORMS, Names, schema
 
-CHUNK = 256 * 1024
-"""Bytes before compression; what a kill can lose."""
-
-MOST = 1000
-"""Coordinates and controls that have names."""
+OPTIONS = MCAPWriteOptions(compression=MCAPCompression.Zstd, compression_threads=0)
 
 
-class Row(NamedTuple):
-    """One step, as it was played."""
+class Steps(NamedTuple):
+    """Steps of an episode that follow one another, as they were played."""
 
     observation: NDArray[np.float32]
+    """`(n, obs_dim)`."""
     action: NDArray[np.float32]
-    control: NDArray[np.float64]
-    reward: float
-    terms: Mapping[str, float]
-    terminated: bool
-    truncated: bool
-    next_observation: NDArray[np.float32]
-    time: float
-    """Simulated seconds of the episode before the step."""
-    qpos: NDArray[np.float64]
-    qvel: NDArray[np.float64]
+    """`(n, act_dim)`."""
+    reward: Sequence[float]
+    """`(n,)`."""
+    terms: Sequence[Mapping[str, float]]
+    """`(n,)`."""
     state: NDArray[np.float64]
-    """MuJoCo's integration state before the step: all that the next one depends on."""
+    """MuJoCo's integration state, all that the next step depends on, before each step `(n, size)`."""
+    physics: Mapping[str, NDArray[np.float64]]
+    """What has names in it: `time` `(n, 1)`, `qpos` and `qvel` before each step, `control` in it."""
+    next_observation: NDArray[np.float32]
+    """After the last step, `(obs_dim,)`."""
+    terminated: bool
+    """By the last step."""
+    truncated: bool
+    """By the last step."""
 
 
 class Recorder:
@@ -57,33 +57,30 @@ class Recorder:
             RecordingError: the file exists, or cannot be written.
         """
         self.path, self._names, self._nanoseconds = path, names, round(time_step * 1e9)
+        self._context = context = Context()  # channels of this file alone, as long as they are held
         try:
-            self._file = path.open("xb")
+            self._writer = open_mcap(path, context=context, writer_options=OPTIONS)
         except FileExistsError:
             raise RecordingError(f"{path} exists; pass another --out FILE.mcap") from None
         except OSError as error:
-            raise RecordingError(f"cannot write {path}: {error.strerror}; pass --out in a folder that exists") from None
-        self._writer = Writer(self._file, chunk_size=CHUNK, compression=CompressionType.ZSTD)
-        self._writer.start(profile="", library="transferkit")
-        self._writer.add_metadata(ABOUT, dict(metadata))
-        self._channels = {STEP: self._json_channel(STEP, names)}
-        self._channels |= {topic: self._protobuf_channel(topic, kind) for topic, kind in PROTOBUF.items()}
-        self._control, self._qpos, self._qvel = ([f"{name}_{i}" for i in range(MOST)] for name in ("ctrl", "qpos", "qvel"))
+            raise RecordingError(f"cannot write {path}: {error}; pass --out in a folder that exists") from None
+        self._writer.write_metadata(ABOUT, dict(metadata))
+        self._steps = Channel(STEP, schema=schema(names), context=context)
+        self._scene = SceneUpdateChannel(SCENE, context=context)
+        self._transforms = FrameTransformsChannel(TRANSFORMS, context=context)
         self.steps = 0
 
     def __enter__(self) -> Recorder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if error is None:
-            self._writer.finish()  # the summary, with which readers find their way quickly
-        self._file.close()  # without it the file counts as cut, which it is
+        self._writer.close()  # with the summary, by which readers find their way quickly
 
     def time(self, step: int) -> int:
         """Nanoseconds of a step of this file."""
         return step * self._nanoseconds
 
-    def add_rows(self, episode: int, first: int, rows: Sequence[Row], total: float, inner: Mapping[str, NDArray[Any]]) -> float:
+    def add_steps(self, episode: int, first: int, steps: Steps, total: float, inner: Mapping[str, NDArray[Any]]) -> float:
         """Write steps of an episode from its step `first` on; returns the return so far, `total` before them.
 
         `inner` has `core_input`, `core_output` and `value`, or less, each with a row for every step.
@@ -91,62 +88,60 @@ class Recorder:
         Raises:
             NotFiniteError: NaN or infinity in a step, which JSON cannot hold.
         """
-        self._check_finite(episode, first, rows)
-        values = inner.get("value", ())
-        vectors = {name: rows for name, rows in inner.items() if name != "value"}
-        for k, row in enumerate(rows):
-            total += row.reward
-            message = {"episode": episode, "step": first + k, **self._step(row), "return": total}
-            for name, found in vectors.items():
-                message[name] = dict(zip(getattr(self._names, name), found[k], strict=True))
-            if len(values):
-                message["value"] = float(values[k])
+        _check_finite(episode, first, steps)
+        returns = list(accumulate(steps.reward, initial=total))[1:]
+        columns = {"return": returns, **self._columns(steps), **self._inner_columns(inner)}
+        for k, values in enumerate(zip(*columns.values(), strict=True), first):
+            message = {"episode": episode, "step": k, **dict(zip(columns, values, strict=True))}
+            if message["terminated"] or message["truncated"]:
+                message["next_observation"] = dict(zip(self._names.observation, steps.next_observation, strict=True))
             # float32 values stay so: orjson writes the fewest digits that read back as the same float32.
-            data = orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY)
-            at = self.time(self.steps)
-            self._writer.add_message(self._channels[STEP], at, data, at)
+            self._steps.log(orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY), log_time=self.time(self.steps))
             self.steps += 1
-        self._file.flush()  # whole chunks are the operating system's now, whatever becomes of this process
-        return total
+        self._writer.flush()  # these steps are the operating system's now, whatever becomes of this process
+        return returns[-1]
 
-    def add_protobuf(self, topic: str, message: SceneUpdate | FrameTransforms, at: int) -> None:
-        """Write a scene or transforms."""
-        self._writer.add_message(self._channels[topic], at, message.SerializeToString(), at)
+    def add_scene(self, at: int, message: SceneUpdate) -> None:
+        """Write the geoms."""
+        self._scene.log(message, log_time=at)
+
+    def add_transforms(self, messages: Iterable[tuple[int, FrameTransforms]]) -> None:
+        """Write where the bodies are at times in nanoseconds."""
+        for at, message in messages:
+            self._transforms.log(message, log_time=at)
 
     def end_episode(self, **about: float | bool) -> None:
         """Note an episode that is whole."""
-        self._writer.add_metadata(EPISODE, {name: json.dumps(value) for name, value in about.items()})
+        self._writer.write_metadata(EPISODE, {name: json.dumps(value) for name, value in about.items()})
 
-    def _check_finite(self, episode: int, first: int, rows: Sequence[Row]) -> None:
-        sums = [row.next_observation.sum(dtype=np.float64) + row.action.sum(dtype=np.float64) + row.reward for row in rows]
-        bad = np.flatnonzero(~np.isfinite(sums))
-        if len(bad):
-            raise NotFiniteError(f"step {first + bad[0]} of episode {episode} has a NaN or infinite value; it is not recorded")
-
-    def _step(self, row: Row) -> dict[str, Any]:
-        names = self._names
-        ended = row.terminated or row.truncated
+    def _columns(self, steps: Steps) -> dict[str, Sequence[Any]]:
+        """Of every field, a value for each step."""
+        going_on, physics = [False] * (len(steps.reward) - 1), {name: x.tolist() for name, x in steps.physics.items()}
         return {
-            "observation": dict(zip(names.observation, row.observation, strict=True)),
-            "action": dict(zip(names.action, row.action, strict=True)),
-            "control": dict(zip(self._control, row.control.tolist(), strict=False)),
-            "reward": row.reward,
-            "reward_terms": row.terms,
-            "terminated": row.terminated,
-            "truncated": row.truncated,
-            "time": row.time,
-            "qpos": dict(zip(self._qpos, row.qpos.tolist(), strict=False)),
-            "qvel": dict(zip(self._qvel, row.qvel.tolist(), strict=False)),
-            "state": base64.b64encode(row.state.tobytes()).decode(),
-        } | ({"next_observation": dict(zip(names.observation, row.next_observation, strict=True))} if ended else {})
+            "observation": _named(self._names.observation, steps.observation),
+            "action": _named(self._names.action, steps.action),
+            "reward": steps.reward,
+            "reward_terms": steps.terms,
+            "terminated": [*going_on, steps.terminated],
+            "truncated": [*going_on, steps.truncated],
+            "time": [time for (time,) in physics.pop("time")],
+            **{name: _named([f"{name}_{i}" for i in range(len(rows[0]))], rows) for name, rows in physics.items()},
+            "state": [base64.b64encode(state).decode() for state in steps.state],
+        }
 
-    def _json_channel(self, topic: str, names: Names) -> int:
-        shape = schema(names)
-        identifier = self._writer.register_schema(shape["title"], SchemaEncoding.JSONSchema, json.dumps(shape).encode())
-        return self._writer.register_channel(topic, MessageEncoding.JSON, identifier)
-
-    def _protobuf_channel(self, topic: str, kind: type) -> int:
-        return self._writer.register_channel(topic, MessageEncoding.Protobuf, register_schema(self._writer, kind))
+    def _inner_columns(self, inner: Mapping[str, NDArray[Any]]) -> dict[str, Sequence[Any]]:
+        return {
+            name: rows.tolist() if name == "value" else _named(getattr(self._names, name), rows) for name, rows in inner.items()
+        }
 
 
-PROTOBUF = {SCENE: SceneUpdate, TRANSFORMS: FrameTransforms}
+def _named(names: Sequence[str], rows: Sequence[Any] | NDArray[Any]) -> list[dict[str, Any]]:
+    return [dict(zip(names, row, strict=True)) for row in rows]
+
+
+def _check_finite(episode: int, first: int, steps: Steps) -> None:
+    following = np.vstack((steps.observation[1:], steps.next_observation))
+    finite = [np.isfinite(x).all(-1) for x in (following, steps.action, np.array(steps.reward)[:, None])]
+    bad = np.flatnonzero(~np.logical_and.reduce(finite))
+    if len(bad):
+        raise NotFiniteError(f"step {first + bad[0]} of episode {episode} has a NaN or infinite value; it is not recorded")
