@@ -16,7 +16,7 @@ from transferkit.config import TrainConfig
 from transferkit.policy import ConstantPolicy, Policy
 from transferkit.policy.core import Core
 from transferkit.policy.health import random_play
-from transferkit.transfer import new_policy
+from transferkit.trained import new_policy
 
 PROBE_STEPS = 500
 """Random steps in the target that measure the scale of a policy's actions."""

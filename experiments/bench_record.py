@@ -22,7 +22,7 @@ from transferkit.record.play import Subject, record
 from transferkit.record.reader import read_transitions
 from transferkit.spec import IOSpec
 
-CORE, ROUNDS = "inverted-pendulum-v1", 7
+CORE, ROUNDS = "inverted-pendulum-v1", 15
 TARGETS = {"InvertedPendulum-v5": 2, "Hopper-v5": 20, "dm_control/cartpole-balance-v0": 2}
 """Episodes of a round."""
 

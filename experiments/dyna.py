@@ -21,7 +21,8 @@ from transferkit.config import DYNA_PRESETS, TrainConfig, preset
 from transferkit.envs import make_env
 from transferkit.run.directory import read_json, read_table
 from transferkit.run.workers import worker_pool
-from transferkit.transfer import load_policy, run_training
+from transferkit.trained import load_policy
+from transferkit.transfer import run_training
 from transferkit.versions import versions
 
 RESULTS = Path(__file__).parent / "results" / "dyna.csv"

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from transferkit.evaluation import evaluate as evaluate
     from transferkit.policy import health as health
     from transferkit.policy import wrap as wrap
-    from transferkit.transfer import load_policy as load_policy
+    from transferkit.trained import load_policy as load_policy
     from transferkit.transfer import run_training as run_training
     from transferkit.transfer import train as train
     from transferkit.zoo.artifact import load_core as load_core
@@ -36,7 +36,7 @@ _HOME = {
     "evaluate": "transferkit.evaluation",
     "health": "transferkit.policy",
     "load_core": "transferkit.zoo.artifact",
-    "load_policy": "transferkit.transfer",
+    "load_policy": "transferkit.trained",
     "make_env": "transferkit.envs",
     "run_training": "transferkit.transfer",
     "train": "transferkit.transfer",

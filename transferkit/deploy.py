@@ -12,13 +12,13 @@ from torch import Tensor, nn
 
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError
-from transferkit.nn import Critic, Ensemble, JointInput
 from transferkit.policy import Policy, wrap
+from transferkit.policy.core import Core
 from transferkit.policy.health import random_play
 from transferkit.record.format import Names
 from transferkit.record.play import Subject
 from transferkit.run.directory import POLICY, RECORD, read_json
-from transferkit.transfer import load_parts, load_policy
+from transferkit.trained import Value, load_policy, load_value
 from transferkit.versions import versions
 from transferkit.zoo.artifact import load_core
 
@@ -47,8 +47,7 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
     home = core.spec.env_id
     about = {"core": core.id, "core_digest": core.digest, "member": member}
     if env is None or env == home:
-        critic = core.critic(member) if "critic" in core.ensembles else None
-        return Subject(core.policy(member), home, critic, about=about)
+        return Subject(core.policy(member), home, _core_value(core, member), about=about)
     return Subject(wrap(core, env, member=member), env, about=about)
 
 
@@ -61,19 +60,15 @@ def _run_subject(run: Path, env: str | None) -> Subject:
     about = {name: record[name] for name in ("algo", "preset", "core", "core_digest", "member", "seed")}
     clip = record["ppo"]["clip_actions"]
     return Subject(
-        policy, record["env"], _critic(run, policy), clip, {"run": str(run), "policy_sha256": digest, "training": about}
+        policy, record["env"], load_value(run, policy), clip, {"run": str(run), "policy_sha256": digest, "training": about}
     )
 
 
-def _critic(run: Path, policy: Policy) -> Critic | None:
-    """The critics that were trained from scratch beside the policy, where there are any."""
-    parts = load_parts(run)
-    if "critic" not in parts:
+def _core_value(core: Core, member: int) -> Value | None:
+    if "critic" not in core.ensembles:
         return None
-    architecture, weights = parts["critic"]
-    critic = Critic(JointInput(policy.normalizer), Ensemble(architecture))
-    critic.load_state_dict(weights)
-    return critic
+    critics = core.critic(member)
+    return lambda observation, action: critics(observation, action).mean(0)
 
 
 class Deployed(nn.Module):

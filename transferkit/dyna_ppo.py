@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from transferkit import dyna, ppo
 from transferkit.config import DynaConfig, PPOConfig
@@ -104,8 +105,8 @@ def train(
     streams: Streams,
     device: torch.device,
     resume_from: Mapping[str, Any] | None = None,
-) -> dict[str, Dynamics]:
-    """Train the policy and its model in place until the session's budget is reached; returns the model.
+) -> dict[str, nn.Module]:
+    """Train the policy and its model in place until the session's budget is reached; returns the model and the critic.
 
     Raises:
         ConfigError: the budget ends before the model is fitted once, so that nothing would be learnt.
@@ -136,4 +137,4 @@ def train(
             f"the budget ended after {session.spent.steps} steps, before dyna-ppo learnt anything: it learns every "
             f"{learner.config.model_every}; give it more steps, or pass a smaller --dyna.model-every"
         )
-    return {"dynamics": model}
+    return {"dynamics": model, "value": learner.algorithm.critic}

@@ -19,7 +19,8 @@ from transferkit.policy import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.run.session import Report
 from transferkit.run.workers import worker_pool
-from transferkit.transfer import RUNS, Result, load_parts, load_policy, run_training
+from transferkit.trained import load_parts, load_policy
+from transferkit.transfer import RUNS, Result, run_training
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import ensemble_part, normalizer_part, policy_part, save_core
 from transferkit.zoo.card import Card, Score

@@ -10,20 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import torch
+from torch import nn
 
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, DynaConfig, PPOConfig, Preset, TrainConfig, preset
 from transferkit.envs import VectorEnv, derive_spec, make_env
-from transferkit.errors import ConfigError, RunDirectoryError
-from transferkit.evaluation import Evaluation, evaluate
-from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture
-from transferkit.policy import Policy, ScratchPolicy, build, wrap
+from transferkit.errors import ConfigError
+from transferkit.evaluation import evaluate
+from transferkit.policy import Policy
 from transferkit.policy.core import Core
 from transferkit.policy.parts import make_critic, make_dynamics
-from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT, RunDirectory, read_json
-from transferkit.run.files import load_state
+from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, RunDirectory, read_json
 from transferkit.run.session import Report, Session
 from transferkit.run.streams import Streams
+from transferkit.trained import as_saved, new_policy, part_state
 from transferkit.zoo.artifact import load_core
 
 RUNS = Path("runs")
@@ -140,62 +140,6 @@ def train(
     return _execute(lambda: policy, make, budget, full, None, where, resume=resume, report=report)
 
 
-def new_policy(config: TrainConfig, core: Core | None) -> Policy:
-    """The untrained policy of a run: around a core, or from scratch."""
-    if core is not None:
-        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed, init_std=config.ppo.init_std)
-    env = make_env(config.env)
-    assert env.observation_space.shape is not None
-    assert env.action_space.shape is not None
-    dims = env.observation_space.shape[0], env.action_space.shape[0]
-    env.close()
-    generator = Streams(config.seed).torch("policy initialisation")
-    ppo, dyna = config.ppo, config.dyna
-    if config.algo != "dyna-ddpg":
-        architecture = Architecture(*dims, ppo.hidden, ppo.activation, ppo.std)
-        return ScratchPolicy.create(architecture, generator, init_std=ppo.init_std, normalize=ppo.normalize_observation)
-    architecture = Architecture(*dims, dyna.hidden, dyna.activation, initialization=dyna.initialization, squash=dyna.squash)
-    return ScratchPolicy.create(
-        architecture, generator, init_std=dyna.exploration_noise or 1.0, normalize=dyna.normalize_observation
-    )
-
-
-def load_policy(run_dir: str | Path) -> Policy:
-    """The final policy of a finished run, with its normaliser.
-
-    Raises:
-        RunDirectoryError: the run is not finished, or its policy file is damaged.
-    """
-    path = Path(run_dir) / POLICY
-    if not path.exists():
-        raise RunDirectoryError(f"{run_dir} holds no finished run; finish it with `transferkit train ... --resume`")
-    state = load_state(path)
-    try:
-        policy = build(state["blueprint"])
-        policy.load_state_dict(state["weights"])
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise RunDirectoryError(f"{path} holds no policy of this version ({reason}); train again") from None
-    return policy
-
-
-def load_parts(run_dir: str | Path) -> dict[str, tuple[EnsembleArchitecture, dict[str, torch.Tensor]]]:
-    """What a finished run trained from scratch beside its policy: `critic` and `dynamics`, or nothing."""
-    saved = load_state(Path(run_dir) / POLICY)["parts"]
-    return {
-        name: (EnsembleArchitecture.from_json(part["architecture"]), part["weights"])
-        for name, part in saved.items()
-        if part["architecture"]
-    }
-
-
-def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
-    """Evaluate the final policy of a run on its own environment."""
-    config = read_json(Path(run_dir) / RECORD)["config"]
-    policy = load_policy(run_dir)
-    return evaluate(policy, config["env"], episodes=episodes, seed=seed, clip_actions=config["ppo"]["clip_actions"])
-
-
 def default_directory(config: TrainConfig) -> Path:
     """`runs/<env>_<core or scratch>_<algo>_<preset>_seed<k>`."""
     core = "scratch" if config.core is None else f"{Path(config.core).name}.{config.member}"
@@ -256,7 +200,7 @@ def _execute(
             scores = session.evaluate()
         envs.close()
         weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
-        beside = {name: _part_state(part) for name, part in parts.items()}
+        beside = {name: part_state(part) for name, part in parts.items()}
         directory.save_policy({"blueprint": policy.blueprint(), "weights": weights, "parts": beside})
         result = _result(config, core, session, scores, directory, sum(entry["steps"] for entry in ledger))
         directory.finish(asdict(result))
@@ -266,7 +210,7 @@ def _execute(
 
 
 def _evaluate(policy: Policy, make: MakeEnv, config: TrainConfig, record_every: int, session: Session) -> Mapping[str, float]:
-    saved = _as_saved(policy)
+    saved = as_saved(policy)
     if record_every and session.evaluations % record_every == 0:
         from transferkit.record.play import record_evaluation  # noqa: PLC0415 - only few runs are recorded
 
@@ -276,24 +220,9 @@ def _evaluate(policy: Policy, make: MakeEnv, config: TrainConfig, record_every: 
     return evaluate(saved, make, episodes=config.eval_episodes).row()
 
 
-def _part_state(part: Critic | Dynamics) -> dict[str, Any]:
-    architecture = part.ensemble.architecture.to_json() if isinstance(part.ensemble, Ensemble) else None
-    return {"architecture": architecture, "weights": {name: tensor.cpu() for name, tensor in part.state_dict().items()}}
-
-
-def _as_saved(policy: Policy) -> Policy:
-    """A copy with memory of its own, as `load_policy` makes it.
-
-    Training keeps the weights as views of one buffer, and their alignment changes the last bits of an action.
-    """
-    copy = build(policy.blueprint())
-    copy.load_state_dict(policy.state_dict())
-    return copy
-
-
 @dataclass(frozen=True)
 class _Trainer:
-    train: Callable[..., Mapping[str, Critic | Dynamics]]
+    train: Callable[..., Mapping[str, nn.Module]]
     """Returns what it trained beside the policy."""
     num_envs: int = 1
     overrun_steps: int = 0

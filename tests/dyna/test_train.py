@@ -18,7 +18,8 @@ from transferkit.run.directory import read_table
 from transferkit.run.files import load_state
 from transferkit.run.session import Session
 from transferkit.run.streams import Streams
-from transferkit.transfer import load_parts, load_policy, run_training
+from transferkit.trained import load_parts, load_policy
+from transferkit.transfer import run_training
 
 IDP = "InvertedDoublePendulum-v5"
 TINY = DynaConfig(hidden=(16, 16), model_hidden=(16,), updates_per_step=2, batch_size=32, model_share=0.5, model_updates=60)

@@ -20,7 +20,8 @@ from transferkit.record.experience import load_experience
 from transferkit.record.mapping import load_mapping, read_mapped
 from transferkit.record.reader import read_transitions
 from transferkit.run.session import Session
-from transferkit.transfer import load_policy, run_training
+from transferkit.trained import load_policy
+from transferkit.transfer import run_training
 
 ENV = "Hopper-v5"
 TINY = DynaConfig(hidden=(16, 16), model_hidden=(16,), updates_per_step=1, batch_size=32, model_share=0.5, model_updates=20)

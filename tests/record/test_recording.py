@@ -9,6 +9,7 @@ import torch
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from transferkit.deploy import load_subject
 from transferkit.envs import derive_spec, make_env
 from transferkit.errors import NotFiniteError, RecordingError
 from transferkit.evaluation import evaluate
@@ -172,8 +173,6 @@ def test_replay_compares_every_number(recording, monkeypatch, name):
 
 
 def test_dm_control_is_recorded_under_its_id(tmp_path):
-    from transferkit.deploy import load_subject
-
     subject = load_subject("inverted-pendulum-v1", env="dm_control/cartpole-balance-v0")
     record(subject, tmp_path / "twin.mcap")
     assert read(tmp_path / "twin.mcap").about["env"] == "dm_control/cartpole-balance-v0"
@@ -181,9 +180,9 @@ def test_dm_control_is_recorded_under_its_id(tmp_path):
     assert (found.steps, found.difference) == (1000, "")
 
 
-def test_a_critic_gives_values(core_with_parts, tmp_path):
-    subject = Subject(core_with_parts.policy(), "InvertedPendulum-v5", core_with_parts.critic(), about={})
-    record(subject, tmp_path / "values.mcap")
+def test_a_cores_critic_gives_values(core_with_parts, tmp_path, monkeypatch):
+    monkeypatch.setattr("transferkit.deploy.load_core", lambda _: core_with_parts)
+    record(load_subject("test-v1"), tmp_path / "values.mcap")
     step = read(tmp_path / "values.mcap").steps[0]
     observation = torch.tensor([list(step["observation"].values())])
     value = core_with_parts.critic()(observation, torch.tensor([list(step["action"].values())]).clamp(-1, 1)).mean()

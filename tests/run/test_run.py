@@ -14,7 +14,8 @@ from transferkit.run import RunDirectory, Streams
 from transferkit.run.directory import read_table
 from transferkit.run.files import load_state, save_state, write_atomically
 from transferkit.run.session import Session
-from transferkit.transfer import load_policy, run_training
+from transferkit.trained import load_policy
+from transferkit.transfer import run_training
 
 SMALL = TrainConfig("InvertedPendulum-v5", steps=1001, eval_episodes=2, checkpoint_seconds=0.0, eval_every=400)
 

@@ -17,7 +17,7 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--seed", type=int, default=0, help="of the episodes' starts; 0 is the one training reports")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
     options = parser.parse_args(arguments)
-    from transferkit.transfer import evaluate_run  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.trained import evaluate_run  # noqa: PLC0415 - torch takes seconds to import
 
     row = evaluate_run(options.run, episodes=options.episodes, seed=options.seed).row()
     if options.json:

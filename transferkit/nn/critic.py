@@ -1,10 +1,11 @@
-"""State-action values as an ensemble."""
+"""Values of states, and of states and actions."""
 
 from __future__ import annotations
 
 import torch
 from torch import Tensor, nn
 
+from transferkit.nn.layers import Linear, mlp
 from transferkit.nn.normalizer import Normalizer
 
 
@@ -31,3 +32,27 @@ class Critic(nn.Module):
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """Values."""
         return self.ensemble(self.inputs(observation, action)).squeeze(-1)
+
+
+class StateCritic(nn.Module):
+    """State values `(B, 1)` from raw observations `(B, obs_dim)`, through the normaliser of the policy."""
+
+    def __init__(
+        self,
+        obs_dim: int,
+        hidden: tuple[int, ...],
+        activation: str,
+        generator: torch.Generator | None = None,
+        *,
+        gain: float | None = None,
+        normalizer: Normalizer | None,
+    ) -> None:
+        super().__init__()
+        self.body = mlp(obs_dim, hidden, activation, generator, gain=gain)
+        self.head = Linear(hidden[-1], 1, generator, gain=None if gain is None else 1.0)
+        # In a list, so that the statistics are saved once, with the policy they belong to.
+        self._normalizer = [normalizer or nn.Identity()]
+
+    def value(self, observation: Tensor) -> Tensor:
+        """Values, `(B, 1)`."""
+        return self.head(self.body(self._normalizer[0](observation)))

@@ -8,8 +8,7 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from transferkit.nn import Linear, gaussian, mlp
-from transferkit.nn.normalizer import Normalizer
+from transferkit.nn import StateCritic, gaussian
 from transferkit.policy.base import Policy
 from transferkit.ppo.storage import Minibatch
 
@@ -76,32 +75,12 @@ class Actor(Model):
             self.policy.update_normalizer(obs)
 
 
-class Critic(Model):
-    """State values `(B, 1)` from raw observations, through the normaliser of the policy."""
-
-    def __init__(
-        self,
-        obs_dim: int,
-        hidden: tuple[int, ...],
-        activation: str,
-        generator: torch.Generator,
-        *,
-        gain: float | None,
-        normalizer: Normalizer | None,
-    ) -> None:
-        super().__init__()
-        self.body = mlp(obs_dim, hidden, activation, generator, gain=gain)
-        self.head = Linear(hidden[-1], 1, generator, gain=None if gain is None else 1.0)
-        # In a list, so that the statistics are saved once, with the policy they belong to.
-        self._normalizer = [normalizer or nn.Identity()]
+class Critic(Model, StateCritic):
+    """A `StateCritic` as rsl_rl's critic."""
 
     def forward(self, obs: Tensor | Minibatch, **_: Any) -> Tensor:  # noqa: ANN401 - rsl_rl passes masks and states
         """Values, `(B, 1)`."""
         return obs.new_zeros(len(obs), 1) if self.collecting and isinstance(obs, Tensor) else self.value(_tensor(obs))
-
-    def value(self, observation: Tensor) -> Tensor:
-        """Values, `(B, 1)`."""
-        return self.head(self.body(self._normalizer[0](observation)))
 
     def update_normalization(self, obs: Tensor) -> None:
         """The policy updates the statistics that both use."""

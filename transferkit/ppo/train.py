@@ -8,6 +8,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import nn
 
 from transferkit.config import PPOConfig
 from transferkit.envs.vector import Step, VectorEnv
@@ -35,8 +36,8 @@ def train(
     streams: Streams,
     device: torch.device,
     resume_from: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
-    """Train the policy in place until the session's budget is reached; returns nothing beside it.
+) -> dict[str, nn.Module]:
+    """Train the policy in place until the session's budget is reached; returns its critic.
 
     Raises:
         NotFiniteError: NaN from an environment or in a loss.
@@ -56,7 +57,7 @@ def train(
         if session.progress < 1 or algorithm.storage.step * envs.num_envs >= config.batch_size:
             algorithm.compute_returns(_tensor(observation, device))
             session.after_update(algorithm.update(), lambda: {"algorithm": algorithm.state(), "envs": envs.state()})
-    return {}
+    return {"value": algorithm.critic}
 
 
 @torch.no_grad()

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from transferkit.envs import derive_spec, make_env
 from transferkit.envs.access import Simulation, open_simulation
 from transferkit.errors import RecordingError, TransferkitError
-from transferkit.nn import Critic
 from transferkit.policy import Policy
 from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
@@ -48,7 +47,8 @@ class Subject:
 
     policy: Policy
     env: str | Callable[[], gymnasium.Env]
-    critic: Critic | None = None
+    value: Callable[[torch.Tensor, torch.Tensor], torch.Tensor] | None = None
+    """Of observations `(B, obs_dim)` and actions `(B, act_dim)`, `(B,)`."""
     clip_actions: bool = True
     about: Mapping[str, Any] | None = None
     """JSON values for the metadata: the core, its digest, the run."""
@@ -174,9 +174,9 @@ def _steps(
 
 @torch.no_grad()
 def _inner(subject: Subject, steps: Steps) -> dict[str, NDArray[Any]]:
-    """What the policy makes of the observations on the way, and the critics' mean value of the actions."""
+    """What the policy makes of the observations on the way, and what the critics think of the actions."""
     observation = torch.from_numpy(steps.observation)
     found = subject.policy.trace(observation)
-    if subject.critic is not None:
-        found = found | {"value": subject.critic(observation, torch.from_numpy(steps.action).clamp(-1.0, 1.0)).mean(0)}
+    if subject.value is not None:
+        found = found | {"value": subject.value(observation, torch.from_numpy(steps.action).clamp(-1.0, 1.0))}
     return {name: tensor.numpy() for name, tensor in found.items()}

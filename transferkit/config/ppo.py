@@ -1,0 +1,100 @@
+"""Settings of PPO."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from transferkit.config.names import Preset
+from transferkit.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class PPOConfig:
+    """Proximal policy optimisation (Schulman et al. 2017); defaults tuned on the Gymnasium MuJoCo tasks."""
+
+    num_envs: int = 4
+    """Environments stepped side by side."""
+    rollout: Literal["steps", "episode"] = "steps"
+    """Update after `rollout_steps`, or after every episode (the paper's code; one environment)."""
+    rollout_steps: int = 128
+    """Environment steps per update, over all environments together."""
+    epochs: int = 10
+    """Passes over a rollout."""
+    batch_size: int = 64
+    """Samples per gradient step."""
+    shuffle: bool = True
+    """Draw minibatches at random; False takes them in the order of time."""
+    learning_rate: float = 3e-4
+    """Adam step size; parts of a wrapped policy scale it."""
+    schedule: Literal["fixed", "linear", "adaptive", "step"] = "linear"
+    """Learning rate over the run: fixed, linear to zero, by KL divergence, or x 0.9 every 100 episodes (the paper)."""
+    desired_kl: float = 0.01
+    """Target of the adaptive schedule, nats."""
+    gamma: float = 0.99
+    """Discount per step."""
+    lam: float = 0.95
+    """Generalised advantage estimation (Schulman et al. 2016)."""
+    clip: float = 0.2
+    """Range of the probability ratio."""
+    value_coefficient: float = 0.5
+    """Weight of the value loss."""
+    entropy_coefficient: float = 0.0
+    """Weight of the entropy bonus."""
+    max_grad_norm: float | None = 0.5
+    """Gradient norm limit of the actor and of the critic; None switches it off."""
+    value_target: Literal["gae", "monte-carlo"] = "gae"
+    """Regress values on the lambda return, or on the plain return of the episode."""
+    bootstrap_timeouts: bool = True
+    """Add the discounted value of the true final observation where the time limit cut an episode."""
+    normalize_advantage: Literal["rollout", "batch"] = "rollout"
+    """Standardise advantages over the rollout or over each minibatch."""
+    normalize_observation: bool = True
+    """Running mean and variance inside the policy."""
+    normalize_reward: bool = True
+    """Divide rewards by the running standard deviation of the discounted return."""
+    clip_actions: bool = True
+    """Clip actions to [-1, 1] before the environment sees them."""
+    hidden: tuple[int, ...] = (64, 64)
+    """Hidden layers of the policy that is trained from scratch, and of the critic."""
+    activation: Literal["tanh", "relu", "elu"] = "tanh"
+    """Activation of both."""
+    std: Literal["parameter", "head"] = "parameter"
+    """One bounded log-std per action, or a linear head on the features (the paper)."""
+    init_std: float = 0.6
+    """Initial standard deviation, of an action range of [-1, 1]."""
+
+    def __post_init__(self) -> None:
+        if self.num_envs < 1 or self.rollout_steps < self.num_envs or self.batch_size < 1 or self.epochs < 1:
+            raise ConfigError(
+                f"num_envs={self.num_envs}, rollout_steps={self.rollout_steps}, batch_size={self.batch_size}, "
+                f"epochs={self.epochs}: each must be at least 1 and rollout_steps at least num_envs"
+            )
+        if self.rollout == "episode" and self.num_envs != 1:
+            raise ConfigError(f"rollout='episode' needs num_envs=1, not {self.num_envs}; pass --ppo.num-envs 1")
+        if not 0 < self.learning_rate < 1:
+            raise ConfigError(f"learning_rate={self.learning_rate} must lie between 0 and 1; pass --ppo.learning-rate")
+
+
+PPO_PRESETS: dict[Preset, PPOConfig] = {
+    "default": PPOConfig(),
+    "paper": PPOConfig(
+        num_envs=1,
+        rollout="episode",
+        rollout_steps=1000,
+        batch_size=32,
+        shuffle=False,
+        schedule="step",
+        value_coefficient=1.0,
+        max_grad_norm=None,
+        value_target="monte-carlo",
+        bootstrap_timeouts=False,
+        normalize_observation=False,
+        normalize_reward=False,
+        clip_actions=False,
+        hidden=(128, 128),
+        activation="relu",
+        std="head",
+    ),
+}
+"""`paper` follows the PPOPT code line by line (docs: departures from the paper)."""
