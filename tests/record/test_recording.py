@@ -6,6 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
@@ -78,6 +80,10 @@ def test_the_scene_decodes_with_the_published_schemas(recording):
     with recording.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         decoded = list(reader.iter_decoded_messages([SCENE, TRANSFORMS]))
+    published = {SCENE: SceneUpdate, TRANSFORMS: FrameTransforms}
+    for schema, channel, record, message in decoded:
+        assert schema.name == published[channel.topic].DESCRIPTOR.full_name
+        assert published[channel.topic].FromString(record.data).SerializeToString() == message.SerializeToString()
     scenes = [message for _, channel, _, message in decoded if channel.topic == SCENE]
     poses = [(record.log_time, message) for _, channel, record, message in decoded if channel.topic == TRANSFORMS]
     assert len(scenes) == 3
