@@ -1,6 +1,7 @@
 """Recordings, read with the public packages and with our own reader."""
 
 import json
+import resource
 from itertools import pairwise
 
 import numpy as np
@@ -81,9 +82,9 @@ def test_the_scene_decodes_with_the_published_schemas(recording):
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         decoded = list(reader.iter_decoded_messages([SCENE, TRANSFORMS]))
     published = {SCENE: SceneUpdate, TRANSFORMS: FrameTransforms}
-    for schema, channel, record, message in decoded:
+    for schema, channel, raw, message in decoded:
         assert schema.name == published[channel.topic].DESCRIPTOR.full_name
-        assert published[channel.topic].FromString(record.data).SerializeToString() == message.SerializeToString()
+        assert published[channel.topic].FromString(raw.data).SerializeToString() == message.SerializeToString()
     scenes = [message for _, channel, _, message in decoded if channel.topic == SCENE]
     poses = [(record.log_time, message) for _, channel, record, message in decoded if channel.topic == TRANSFORMS]
     assert len(scenes) == 3
@@ -193,6 +194,16 @@ def test_a_cores_critic_gives_values(core_with_parts, tmp_path, monkeypatch):
     observation = torch.tensor([list(step["observation"].values())])
     value = core_with_parts.critic()(observation, torch.tensor([list(step["action"].values())]).clamp(-1, 1)).mean()
     assert step["value"] == pytest.approx(value.item(), rel=1e-4)
+
+
+def test_a_full_disk_is_one_error(subject, tmp_path):
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    try:
+        with pytest.raises(RecordingError, match="cannot write on .*full.mcap.*make room"):
+            record(subject, tmp_path / "full.mcap", episodes=5)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
 def test_nothing_is_overwritten_and_nan_is_refused(recording, subject, tmp_path):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterable, Mapping, Sequence
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext, suppress
 from itertools import accumulate
 from pathlib import Path
 from types import TracebackType
@@ -20,6 +22,8 @@ from numpy.typing import NDArray
 
 from transferkit.errors import NotFiniteError, RecordingError
 from transferkit.record.format import ABOUT, EPISODE, SCENE, STEP, TRANSFORMS, Names, schema
+
+logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # it warns of every message that a full disk refuses
 
 OPTIONS = MCAPWriteOptions(compression=MCAPCompression.Zstd, compression_threads=0)
 
@@ -74,7 +78,8 @@ class Recorder:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._writer.close()  # with the summary, by which readers find their way quickly
+        with suppress(RecordingError) if error else nullcontext():
+            self._sure(self._writer.close)  # with the summary, by which readers find their way quickly
 
     def time(self, step: int) -> int:
         """Nanoseconds of a step of this file."""
@@ -87,6 +92,7 @@ class Recorder:
 
         Raises:
             NotFiniteError: NaN or infinity in a step, which JSON cannot hold.
+            RecordingError: the disk takes no more.
         """
         _check_finite(episode, first, steps)
         returns = list(accumulate(steps.reward, initial=total))[1:]
@@ -98,7 +104,7 @@ class Recorder:
             # float32 values stay so: orjson writes the fewest digits that read back as the same float32.
             self._steps.log(orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY), log_time=self.time(self.steps))
             self.steps += 1
-        self._writer.flush()  # these steps are the operating system's now, whatever becomes of this process
+        self._sure(self._writer.flush)  # these steps are the operating system's now, whatever becomes of this process
         return returns[-1]
 
     def add_scene(self, at: int, message: SceneUpdate) -> None:
@@ -113,6 +119,12 @@ class Recorder:
     def end_episode(self, **about: float | bool) -> None:
         """Note an episode that is whole."""
         self._writer.write_metadata(EPISODE, {name: json.dumps(value) for name, value in about.items()})
+
+    def _sure(self, write: Callable[[], None]) -> None:
+        try:
+            write()
+        except RuntimeError as error:
+            raise RecordingError(f"cannot write on {self.path} ({error}); make room on the disk, and record again") from None
 
     def _columns(self, steps: Steps) -> dict[str, Sequence[Any]]:
         """Of every field, a value for each step."""
