@@ -13,7 +13,7 @@ help:
 	@touch $@
 
 .venv/.installed: .venv/.uv requirements.lock pyproject.toml
-	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet -r requirements.lock
+	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --compile-bytecode -r requirements.lock
 	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --no-deps -e .
 	@touch $@
 
@@ -38,6 +38,7 @@ bench: install
 	$(BIN)/python -m experiments.bench
 	$(BIN)/python -m experiments.bench_dyna
 	$(BIN)/python -m experiments.bench_record
+	$(BIN)/python -m experiments.bench_report
 
 lock:
 	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import functools
 import io
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -80,18 +81,12 @@ def _result_problem(run: Path, *, trained: bool) -> str:
 def set_damaged_aside(out: Path) -> list[str]:
     """Move cells whose files are damaged out of the way, so that they run again; one line about each."""
     lines = []
-    for where in cell_folders(out):
-        what = problem(where)
-        if what:
-            target = out / SET_ASIDE / where.name
-            copy = next(
-                target.with_name(f"{where.name}.{k}")
-                for k in range(10_000)
-                if not target.with_name(f"{where.name}.{k}").exists()
-            )
-            copy.parent.mkdir(exist_ok=True)
-            where.rename(copy)
-            lines.append(f"{where} is damaged ({what}); moved to {copy}, and its run is made again")
+    for where, what in problems(out).items():
+        names = (out / SET_ASIDE / f"{where.name}.{k}" for k in itertools.count())
+        copy = next(name for name in names if not name.exists())
+        copy.parent.mkdir(exist_ok=True)
+        where.rename(copy)
+        lines.append(f"{where} is damaged ({what}); moved to {copy}, and its run is made again")
     return lines
 
 
@@ -100,9 +95,14 @@ def cell_folders(out: Path) -> list[Path]:
     return sorted(path.parent for path in (out / CELLS).glob(f"*/{CELL}"))
 
 
-def table(out: Path) -> list[dict[str, Any]]:
+def problems(out: Path) -> dict[Path, str]:
+    """What is wrong with the files of each cell where something is."""
+    return {where: what for where in cell_folders(out) if (what := problem(where))}
+
+
+def table(out: Path, damaged: Collection[Path]) -> list[dict[str, Any]]:
     """A row for every finished run that is intact, in an order that does not depend on when they ran."""
-    rows = [_row(where) for where in cell_folders(out) if (where / "run" / RESULT).exists() and not problem(where)]
+    rows = [_row(where) for where in cell_folders(out) if (where / "run" / RESULT).exists() and where not in damaged]
     return sorted(rows, key=lambda row: [str(row[name]) for name in row])
 
 
@@ -148,7 +148,7 @@ def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
 
 def collect(out: Path) -> list[dict[str, Any]]:
     """Write the table of all finished runs."""
-    rows = table(out)
+    rows = table(out, problems(out))
     if rows:
         write_csv(out / TABLE, rows)
     return rows

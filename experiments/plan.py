@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.arms import ZERO_ACTION
-from experiments.cells import table
+from experiments.cells import problems, table
 from experiments.grid import Cell
 from transferkit.envs import episode_limit, make_env
 from transferkit.table import format_table
@@ -27,7 +27,7 @@ Kind = tuple[str, str]
 def plan(cells: Sequence[Cell], todo: Sequence[Cell], out: Path, workers: int) -> str:
     """A line for every target and trainer, by finished runs or, where there are none, by a trial of a few seconds."""
     known = defaultdict(list)
-    for row in table(out):
+    for row in table(out, problems(out)):
         known[row["target"], row["trainer"]].append(float(row["seconds"]))
     groups: dict[Kind, list[Cell]] = defaultdict(list)
     for cell in cells:

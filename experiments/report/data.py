@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.cells import CELL, CELLS, cell_folders, columns, failures, problem, table
+from experiments.cells import CELL, CELLS, columns, failures, problems, table
 from experiments.references import best
 from experiments.verdict import TRANSFER, Verdict, judge
 from transferkit import stats
@@ -45,7 +45,7 @@ class Curve:
     high: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arm:
     """All runs of an arm on one target under one trainer."""
 
@@ -58,13 +58,13 @@ class Arm:
         """Final evaluation of every run."""
         return np.array([row["eval_return_mean"] for row in self.rows], float)
 
-    @cached_property
+    @functools.cached_property
     def episodes(self) -> list[dict[str, Array]]:
         """For every trained run its training returns and the environment steps at the end of each episode."""
         tables = [columns(self._run(row), "episodes") for row in self.rows if row["episodes"]]
         return [{"returns": t["return"], "episodes": t["episode"], "steps": t["steps"]} for t in tables]
 
-    @cached_property
+    @functools.cached_property
     def evaluations(self) -> list[dict[str, Array]]:
         """For every run that was evaluated more than once, those evaluations."""
         tables = [columns(self._run(row), EVALUATIONS) for row in self.rows if row["steps"]]
@@ -72,6 +72,7 @@ class Arm:
             {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]} for t in tables if len(t["steps"]) > 1
         ]
 
+    @functools.cache  # noqa: B019 - arms live as long as the report
     def curve(self, kind: str, axis: str) -> Curve | None:
         """Training returns smoothed over a window, or evaluations, on the axis of episodes or of environment steps."""
         runs = self.evaluations if kind == EVALUATIONS else self.episodes
@@ -90,7 +91,7 @@ class Arm:
         return self.root / CELLS / row["id"] / "run"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Group:
     """A core on a target under a trainer, with every arm it is compared with."""
 
@@ -103,7 +104,7 @@ class Group:
     high: float
     high_source: str
 
-    @cached_property
+    @functools.cached_property
     def scores(self) -> dict[str, Array]:
         """Final evaluations `(members, seeds)` of every trained arm over the seeds of all, NaN where a run is missing."""
         return {name: self.grid(name, "eval_return_mean") for name in self.arms if name != ZERO_ACTION}
@@ -118,7 +119,7 @@ class Group:
             values[members.index(row["member"]), seeds.index(row["seed"])] = row[measure]
         return values
 
-    @cached_property
+    @functools.cached_property
     def verdict(self) -> Verdict:
         """What the comparison shows."""
         return judge(self.scores)
@@ -152,18 +153,25 @@ def load_matrix(root: Path) -> Matrix:
     Raises:
         RunDirectoryError: no finished run is there.
     """
-    rows = table(root)
+    damaged = problems(root)
+    rows = table(root, damaged)
     if not rows:
         raise RunDirectoryError(
             f"{root} holds no finished run; make some with `python -m experiments.matrix GRID --out {root}`"
         )
     labelled = [{**row, "label": label(row)} for row in rows]
     _check_single(labelled, root)
-    damaged = [f"{where.name}: {what}" for where in cell_folders(root) if (what := problem(where))]
     commands = sorted({read_json(root / CELLS / row["id"] / CELL)["command"] for row in rows})
     first = next((row for row in rows if row["arm"] != ZERO_ACTION), None)
     versions = read_json(root / CELLS / first["id"] / "run" / RECORD)["versions"] if first else {}
-    return Matrix(labelled, _groups(labelled, root), list(failures(root)), damaged, commands, versions)
+    return Matrix(
+        labelled,
+        _groups(labelled, root),
+        list(failures(root)),
+        [f"{where.name}: {what}" for where, what in damaged.items()],
+        commands,
+        versions,
+    )
 
 
 def label(row: Mapping[str, Any]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,6 +19,7 @@ HALFWAY = 0.5
 """The threshold of time to threshold, on the scale from zero action (0) to the upper reference (1)."""
 
 
+@functools.cache
 def arm_rows(group: Group) -> list[dict[str, Any]]:
     """One row for every arm of a comparison."""
     return [_arm_row(group, arm) for arm in group.arms.values()]
@@ -71,6 +73,7 @@ def _against(group: Group, arm: str) -> dict[str, float]:
     }
 
 
+@functools.cache
 def curve_rows(group: Group) -> list[dict[str, Any]]:
     """Taylor and Stone's measures of transfer and scratch by their evaluations; empty without evaluations during training."""
     arms = {name: group.arms[name].evaluations for name in (TRANSFER, SCRATCH) if name in group.arms}

@@ -67,6 +67,7 @@ def test_train_and_eval(capsys, tmp_path):
 def test_train_with_a_model_and_plot(capsys, tmp_path, algo):
     out = str(tmp_path / "run")
     small = ["--dyna.updates-per-step", "1", "--dyna.batch-size", "32", "--dyna.model-updates", "5", "--dyna.ppo-updates", "1"]
+    small += ["--dyna.model-share", "0.5"] if algo == "dyna-ddpg" else []
     command = ["train", "--env", "InvertedDoublePendulum-v5", "--core", CORE, "--algo", algo, "--steps", "510", "--out", out]
     result = run_json(capsys, *command, *small, "--eval-episodes", "2")
     assert (result["algo"], result["steps"]) == (algo, 510)
