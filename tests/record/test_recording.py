@@ -10,6 +10,8 @@ import torch
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from mcap.reader import make_reader
+from mcap.records import Footer
+from mcap.stream_reader import StreamReader
 from mcap_protobuf.decoder import DecoderFactory
 
 from transferkit.deploy import load_subject
@@ -42,6 +44,8 @@ def played(subject, seed, episodes):
 def test_the_reference_reader_finds_every_number_by_its_name(recording, subject):
     steps = played(subject, 4, 3)
     with recording.open("rb") as file:
+        assert isinstance([*StreamReader(file, validate_crcs=True).records][-1], Footer)  # every checksum is right
+        file.seek(0)
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         summary = reader.get_summary()
         assert {channel.topic for channel in summary.channels.values()} == {STEP, SCENE, TRANSFORMS}
@@ -200,7 +204,7 @@ def test_a_full_disk_is_one_error(subject, tmp_path):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
     try:
-        with pytest.raises(RecordingError, match="cannot write on .*full.mcap.*make room"):
+        with pytest.raises(RecordingError, match=r"cannot write on .*full\.mcap.*make room"):
             record(subject, tmp_path / "full.mcap", episodes=5)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
