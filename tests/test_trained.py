@@ -26,8 +26,8 @@ TINY = TrainConfig(
 def test_values_are_those_of_the_trained_critics(algo, core, core_with_parts, tmp_path, monkeypatch):
     for module in (trained, transfer):
         monkeypatch.setattr(module, "load_core", lambda _: core_with_parts)
-    kept, part_state = [], transfer.part_state
-    monkeypatch.setattr(transfer, "part_state", lambda part: (kept.append(part), part_state(part))[1])
+    kept, state_of = [], transfer.state_of
+    monkeypatch.setattr(transfer, "state_of", lambda policy, parts: (kept.extend(parts.values()), state_of(policy, parts))[1])
     config = replace(TINY, algo=algo, core=core)
     run_training(config, out=tmp_path / "run")
     assert TrainConfig.from_json(transfer.read_json(tmp_path / "run" / transfer.RECORD)["config"]) == config

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -56,11 +56,20 @@ def as_saved(policy: Policy) -> Policy:
     return copy
 
 
-def part_state(part: nn.Module) -> dict[str, Any]:
-    """Weights, and the architecture of what is an ensemble of its own, as `load_parts` finds them."""
+def state_of(policy: Policy, parts: Mapping[str, nn.Module]) -> dict[str, Any]:
+    """A trained policy and what was trained beside it, as `load_policy`, `load_parts` and `load_value` read them."""
+    beside = {name: {"architecture": _architecture(part), "weights": _weights(part)} for name, part in parts.items()}
+    return {"blueprint": policy.blueprint(), "weights": _weights(policy), "parts": beside}
+
+
+def _architecture(part: nn.Module) -> dict[str, Any] | None:
+    """Of an ensemble that wraps nothing."""
     ensemble = getattr(part, "ensemble", None)
-    architecture = ensemble.architecture.to_json() if isinstance(ensemble, Ensemble) else None
-    return {"architecture": architecture, "weights": {name: tensor.cpu() for name, tensor in part.state_dict().items()}}
+    return ensemble.architecture.to_json() if isinstance(ensemble, Ensemble) else None
+
+
+def _weights(module: nn.Module) -> dict[str, Tensor]:
+    return {name: tensor.cpu() for name, tensor in module.state_dict().items()}
 
 
 def load_policy(run_dir: str | Path) -> Policy:

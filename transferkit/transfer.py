@@ -23,7 +23,7 @@ from transferkit.policy.parts import make_critic, make_dynamics
 from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, RunDirectory, read_json
 from transferkit.run.session import Report, Session
 from transferkit.run.streams import Streams
-from transferkit.trained import as_saved, new_policy, part_state
+from transferkit.trained import as_saved, new_policy, state_of
 from transferkit.zoo.artifact import load_core
 
 RUNS = Path("runs")
@@ -160,9 +160,7 @@ def _execute(
     record_every: int = 0,
 ) -> Result:
     device = _device(config.device)
-    torch.set_num_threads(
-        1
-    )  # one thread is the fastest for small networks, and the only number that always gives the same bits
+    torch.set_num_threads(1)  # the fastest for small networks, and the only number that always gives the same bits
     policy = make_policy()
     first = make()
     _check_dims(policy, first, config.env)
@@ -181,7 +179,6 @@ def _execute(
             lambda i, k: streams.integer("environment", i, k),
             overrun_steps=trainer.overrun_steps,
         )
-
         session = Session(
             directory,
             budget,
@@ -199,9 +196,7 @@ def _execute(
             parts = trainer.train(envs, session, streams, device, state and state["trainer"])
             scores = session.evaluate()
         envs.close()
-        weights = {name: tensor.cpu() for name, tensor in policy.state_dict().items()}
-        beside = {name: part_state(part) for name, part in parts.items()}
-        directory.save_policy({"blueprint": policy.blueprint(), "weights": weights, "parts": beside})
+        directory.save_policy(state_of(policy, parts))
         result = _result(config, core, session, scores, directory, sum(entry["steps"] for entry in ledger))
         directory.finish(asdict(result))
         return result
