@@ -12,11 +12,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import gymnasium
 import torch
 
 from transferkit.deploy import load_subject
 from transferkit.dyna.replay import Batch, ReplayBuffer
-from transferkit.envs import derive_spec
+from transferkit.envs import derive_spec, make_env
 from transferkit.evaluation import evaluate
 from transferkit.record.play import Subject, record
 from transferkit.record.reader import read_transitions
@@ -40,7 +41,7 @@ def measure(subject: Subject, env: str, episodes: int, path: Path) -> None:
     costs, speeds, spec = [], [], derive_spec(env)
     for _ in range(ROUNDS):
         path.unlink(missing_ok=True)
-        plain = per_step(lambda: sum(sum(evaluate(subject.policy, env, episodes=1, seed=k).lengths) for k in range(episodes)))
+        plain = per_step(lambda: sum(play(subject, env, episodes)))
         costs.append(per_step(lambda: sum(episode.steps for episode in record(subject, path, episodes=episodes))) / plain)
         speeds.append(1 / per_step(lambda: fill(path, spec)))
     size = path.stat().st_size / fill(path, spec)
@@ -49,6 +50,19 @@ def measure(subject: Subject, env: str, episodes: int, path: Path) -> None:
         f"must be 1.15), read back at {statistics.median(speeds):,.0f} steps a second (must be 20,000), "
         f"{size:.0f} KB per 1,000 steps"
     )
+
+
+def play(subject: Subject, env: str, episodes: int) -> list[int]:
+    """Evaluate one episode after the other in one environment, as a recording plays them; their lengths."""
+    kept = Kept(make_env(env).env)
+    return [evaluate(subject.policy, lambda: kept, episodes=1, seed=k).lengths[0] for k in range(episodes)]
+
+
+class Kept(gymnasium.Wrapper):
+    """An environment that is used again after an evaluation."""
+
+    def close(self) -> None:
+        """Nothing."""
 
 
 def fill(path: Path, spec: IOSpec) -> int:

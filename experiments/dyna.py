@@ -1,7 +1,7 @@
 """How good is DYNA-DDPG from scratch? Runs over seeds, resumable; writes one CSV row per run.
 
 `python -m experiments.dyna --env Hopper-v5 --episodes 200 --steps 20000 --seeds 0 1 2` goes on where it stopped;
-`--set model_share=0` changes a setting and `--label` names it; `--summary` prints what the table holds.
+`--set model_share=0.05` changes a setting and `--label` names it; `--summary` prints what the table holds.
 """
 
 from __future__ import annotations

@@ -47,4 +47,7 @@ def test_values_are_those_of_the_trained_critics(algo, core, core_with_parts, tm
 def test_a_record_is_its_configuration():
     config = TrainConfig(ENV, wrap=WrapConfig(freeze={"core": 0.5}), experience=("a.mcap",), algo="dyna-ddpg")
 
-    assert TrainConfig.from_json({**asdict(config), "policy": {}}) == config
+    record = {**asdict(config), "policy": {}}
+    assert TrainConfig.from_json(record) == config
+    del record["experience"]
+    assert TrainConfig.from_json(record) == replace(config, experience=())

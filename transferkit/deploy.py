@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from transferkit.envs import derive_spec
-from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
 from transferkit.policy import Policy, wrap
 from transferkit.policy.core import Core
 from transferkit.policy.health import random_play
@@ -26,13 +26,14 @@ PARITY_ROWS = 1000
 """Random observations on which an exported file is compared with torch."""
 
 
-def load_subject(name: str, *, env: str | None = None, member: int | None = None) -> Subject:
+def load_subject(name: str, *, env: str | None = None, member: int | None = None, values: bool = True) -> Subject:
     """A finished run's policy, or a core: on its own source, or wrapped onto another environment without training.
 
     Args:
         name: a run directory, or a core's id or folder.
         env: the environment to play in; by default the run's, or the core's source.
         member: of a core; by default the first.
+        values: also what the critics think, where there are any; a warning where they cannot be rebuilt.
 
     Raises:
         ConfigError: a run is asked for in another environment than its own, or with a member.
@@ -41,7 +42,7 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
     if (Path(name) / RECORD).exists():
         if member is not None:
             raise ConfigError(f"run {name} has no members; leave out --member")
-        return _run_subject(Path(name), env)
+        return _run_subject(Path(name), env, values=values)
     member = member or 0
     core = load_core(name)
     home = core.spec.env_id
@@ -51,7 +52,7 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
     return Subject(wrap(core, env, member=member), env, about=about)
 
 
-def _run_subject(run: Path, env: str | None) -> Subject:
+def _run_subject(run: Path, env: str | None, *, values: bool) -> Subject:
     record = read_json(run / RECORD)["config"]
     if env not in (None, record["env"]):
         raise ConfigError(f"run {run} was trained in {record['env']} and cannot play {env}; leave out --env")
@@ -59,9 +60,16 @@ def _run_subject(run: Path, env: str | None) -> Subject:
     digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
     about = {name: record[name] for name in ("algo", "preset", "core", "core_digest", "member", "seed")}
     clip = record["ppo"]["clip_actions"]
-    return Subject(
-        policy, record["env"], load_value(run, policy), clip, {"run": str(run), "policy_sha256": digest, "training": about}
-    )
+    value = _value(run, policy) if values else None
+    return Subject(policy, record["env"], value, clip, {"run": str(run), "policy_sha256": digest, "training": about})
+
+
+def _value(run: Path, policy: Policy) -> Value | None:
+    try:
+        return load_value(run, policy)
+    except TransferkitError as error:
+        logging.getLogger("transferkit").warning("values are not recorded: %s", error)
+        return None
 
 
 def _core_value(core: Core, member: int) -> Value | None:
@@ -105,7 +113,6 @@ def export_onnx(subject: Subject, path: Path) -> float:
         import onnxscript  # noqa: F401, PLC0415 - what torch exports through
     except ImportError as error:
         raise ConfigError(f"export needs {error.name}, which is not installed; pip install 'transferkit[onnx]'") from None
-    assert isinstance(subject.env, str)
     spec = derive_spec(subject.env)
     names = Names.of(spec)
     bounds = [torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high")]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs.make import make_env
+from transferkit.envs.make import NO_LIMIT, make_env
 from transferkit.run.streams import Streams
 
 EPISODES = 20
@@ -19,9 +19,6 @@ EPISODES = 20
 
 POOL = 10
 """Environments stepped side by side at most."""
-
-NO_LIMIT = 100_000
-"""Steps after which an episode of an environment without a time limit is given up."""
 
 
 class Actor(Protocol):

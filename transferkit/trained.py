@@ -13,7 +13,7 @@ from transferkit.config import TrainConfig
 from transferkit.envs import make_env
 from transferkit.errors import RunDirectoryError
 from transferkit.evaluation import Evaluation, evaluate
-from transferkit.nn import Architecture, Ensemble, EnsembleArchitecture, StateCritic
+from transferkit.nn import Architecture, Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic
 from transferkit.policy import Policy, ScratchPolicy, build, wrap
 from transferkit.policy.core import Core
 from transferkit.policy.parts import make_critic
@@ -115,23 +115,22 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
         critic = StateCritic(policy.obs_dim, config.ppo.hidden, config.ppo.activation, normalizer=policy.normalizer)
         critic.load_state_dict(parts["value"]["weights"])
         return lambda observation, _: critic.value(observation).squeeze(-1)
-    if "critic" not in parts or (config.core is None and parts["critic"]["architecture"] is None):
+    if "critic" not in parts:
         return None
-    critics = make_critic(_rebuilt(policy, config, record["core_digest"], run_dir), config.dyna, Streams(0).torch("critic"))
+    architecture = parts["critic"]["architecture"]
+    if architecture:
+        critics = Critic(JointInput(policy.normalizer), Ensemble(EnsembleArchitecture.from_json(architecture)))
+    elif config.core is None:
+        return None
+    else:
+        core = load_core(config.core)
+        if core.digest != record["core_digest"]:
+            raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with; restore it")
+        rebuilt = new_policy(config, core)
+        rebuilt.load_state_dict(policy.state_dict())
+        critics = make_critic(rebuilt, config.dyna, Streams(0).torch("critic"))
     critics.load_state_dict(parts["critic"]["weights"])
     return lambda observation, action: critics(observation, action).mean(0)
-
-
-def _rebuilt(policy: Policy, config: TrainConfig, digest: str | None, run_dir: str | Path) -> Policy:
-    """The policy with its core behind it, from which critics are wrapped."""
-    if config.core is None:
-        return policy
-    core = load_core(config.core)
-    if core.digest != digest:
-        raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with; restore it")
-    rebuilt = new_policy(config, core)
-    rebuilt.load_state_dict(policy.state_dict())
-    return rebuilt
 
 
 def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:

@@ -251,10 +251,13 @@ def _experience(config: TrainConfig, out: Path, *, resume: bool) -> tuple[Transi
     if not config.experience:
         return None, []
     if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
-        return None, read_json(out / RECORD)["config"]["recordings"]
+        return None, read_json(out / RECORD)["config"].get("recordings", [])
     from transferkit.record.experience import load_experience  # noqa: PLC0415 - only few runs read recordings
 
-    return load_experience(config.experience, config.mapping, derive_spec(config.env))
+    found, ledger = load_experience(config.experience, config.mapping, derive_spec(config.env))
+    if len(found) > config.dyna.buffer_size:
+        raise ConfigError(f"{len(found)} steps of experience do not fit; pass a larger --dyna.buffer-size")
+    return found, ledger
 
 
 def _open(out: Path, record: dict[str, Any], *, resume: bool) -> tuple[RunDirectory, Any]:

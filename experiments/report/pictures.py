@@ -35,7 +35,7 @@ def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
     for target in dict.fromkeys(group.target for group in matrix.groups):
         groups = [group for group in matrix.groups if group.target == target]
         drawn.append(_save(_learning_curves(target, groups), folder / f"curves_{_slug(target)}"))
-        model_free = [group for group in groups if "dyna-ddpg" not in group.trainer]
+        model_free = [group for group in groups if "dyna" not in group.trainer]
         if model_free and len(model_free) < len(groups):
             drawn.append(_save(_learning_curves(target, model_free), folder / f"curves_{_slug(target)}_without_dyna"))
     drawn.append(_save(_profiles(matrix.groups), folder / "profiles"))

@@ -147,16 +147,16 @@ def test_the_discount_follows_the_time_step():
 
 
 def test_without_imagining_the_model_is_fitted_until_rewards_or_ends_are_met(agent):
-    made = agent(curious_until=2)
-    assert not made.needs_model  # rewards differ
-    seen = made.buffer.all()
-    seen.reward.fill_(0.0)
-    assert made.needs_model
-    seen.reward[1:3] = 1.0
-    assert not made.needs_model
-    seen.reward.fill_(0.0)
-    seen.terminated[3] = 1.0
-    assert not made.needs_model
+    assert not agent(curious_until=2).needs_model  # rewards differ
+    for reward, terminated, needs in ((0, 0, True), (1, 0, False), (0, 1, False)):
+        made = agent(curious_until=2)
+        seen = made.buffer.all()
+        seen.reward.fill_(0.0)
+        assert made.needs_model
+        seen.reward[1:3], seen.terminated[3] = reward, terminated
+        assert made.needs_model == needs
+        seen.reward.fill_(0.0)
+        assert made.needs_model == needs  # what was met once is known
     for setting in ({"model_share": 0.5}, {"keep_model": True}):
         assert agent(**setting).needs_model, setting
 

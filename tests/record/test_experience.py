@@ -50,15 +50,18 @@ def mapping(tmp_path):
 
 @pytest.fixture
 def foreign(tmp_path):
-    """Five states, commands a little later, a reward for all steps but the third; JSON and protobuf."""
-    path = tmp_path / "robot.mcap"
+    return write_foreign(tmp_path / "robot.mcap")
+
+
+def write_foreign(path, steps=5):
+    """States, commands a little later, a reward for all steps but the third; JSON and protobuf."""
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
         plain = writer.register_schema("any", "jsonschema", b"{}")
         state, reward = (writer.register_channel(topic, "json", plain) for topic in ("/state", "/reward"))
         command = writer.register_channel("/command", "protobuf", register_schema(writer, Vector3))
-        for k in range(5):
+        for k in range(steps):
             at = 100 * k
             message = {"position": [k, 10 + k], "velocity": [20 + k, 30 + k]}
             writer.add_message(state, at, json.dumps(message).encode(), at)
@@ -79,12 +82,18 @@ def test_a_mapping_makes_steps_of_another_tools_topics(foreign, mapping, pendulu
     assert "1 steps lack an action or a reward" in found.notes[0]
 
 
+def test_a_termination_at_the_end_of_a_file_is_taken(tmp_path, mapping, pendulum_spec):
+    found = read_mapped(write_foreign(tmp_path / "robot.mcap", 4), load_mapping(mapping), pendulum_spec)
+    np.testing.assert_array_equal(found.reward, [7, 8, 10])
+    np.testing.assert_array_equal(found.terminated, [False, False, True])
+
+
 def test_steps_that_ended_by_time_are_left_out_because_the_next_message_is_another_episodes(foreign, mapping, pendulum_spec):
     mapping.write_text(MAPPING.replace("[terminated]", "[truncated]"))
     found = read_mapped(foreign, load_mapping(mapping), pendulum_spec)
     assert found.observation[:, 0].tolist() == [0, 1]
     assert not found.truncated.any()
-    assert "1 steps that ended by time are left out" in found.notes[1]
+    assert "2 steps that ended by time or with the file are left out" in found.notes[1]
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def main(arguments: Sequence[str]) -> None:
     check_new(options.out, "--out")
     from transferkit.deploy import PARITY_ROWS, export_onnx, load_subject  # noqa: PLC0415 - torch takes seconds to import
 
-    difference = export_onnx(load_subject(options.names[0], env=options.env, member=options.member), options.out)
+    difference = export_onnx(load_subject(options.names[0], env=options.env, member=options.member, values=False), options.out)
     text = f"{options.out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations"
     _say(options, {"file": str(options.out), "difference": difference, "observations": PARITY_ROWS}, text)
 

@@ -25,6 +25,11 @@ COMMANDS = {
     "pretrain": "train, check and write a core",
     "doctor": "check this installation and say what to mend",
 }
+KEPT = {"train": "; the last checkpoint is intact, --resume goes on from it"} | dict.fromkeys(
+    ("pretrain", "quickstart"), "; the same command goes on from the last checkpoint"
+)
+"""What is left of a command that was stopped before its work."""
+
 USER_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 
 
@@ -58,9 +63,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"transferkit: {error}", file=sys.stderr)
         return INTERRUPTED
     except KeyboardInterrupt:
-        print("transferkit: stopped at once; the last checkpoint is intact, --resume goes on from it", file=sys.stderr)
+        print(f"transferkit: stopped at once{KEPT.get(name, '')}", file=sys.stderr)
         return INTERRUPTED
-    except TransferkitError as error:
+    except (TransferkitError, OSError) as error:
         print(f"transferkit: {error}", file=sys.stderr)
         return USER_ERROR
 

@@ -24,8 +24,8 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.mcap")
     parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
     options = parser.parse_args(arguments)
-    if options.episodes < 1:
-        raise ConfigError(f"episodes={options.episodes} must be at least 1; pass --episodes")
+    if options.episodes < 1 or options.seed < 0:
+        raise ConfigError(f"episodes={options.episodes} must be at least 1 and seed={options.seed} not negative")
     check_new(options.out, "--out")
     from transferkit.deploy import load_subject  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.play import record  # noqa: PLC0415

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.output import check_new, print_json
+from transferkit.errors import ConfigError
 
 DIFFERENT = 1
 
@@ -25,6 +26,8 @@ def main(arguments: Sequence[str]) -> int:
 
     if options.video:
         check_new(options.video, "--video")
+        if options.video.suffix != ".mp4":
+            raise ConfigError(f"{options.video} cannot be written; pass --video FILE.mp4")
         choose_renderer()
         check_renderer()
     from transferkit.record.reader import read, spec_of  # noqa: PLC0415

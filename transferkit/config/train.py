@@ -59,14 +59,16 @@ class TrainConfig:
             raise ConfigError(f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0")
         if self.experience and self.algo != "dyna-ddpg":
             raise ConfigError(f"{self.algo} does not learn from recordings; pass --algo dyna-ddpg, or leave out --experience")
+        if self.mapping and not self.experience:
+            raise ConfigError(f"mapping={self.mapping} has no recordings to read; pass --experience FILE.mcap with it")
         if self.algo == "dyna-ppo" and self.dyna.model_loss != "likelihood":
             raise ConfigError("dyna-ppo needs a model that learns rewards; the paper has no code for it: use --preset default")
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> TrainConfig:
-        """What `dataclasses.asdict` made a run's record of; entries of the record that are no setting are left out."""
+        """What `dataclasses.asdict` made a run's record of; settings that are newer than the record have their defaults."""
         parts = {name: kind(**_tuples(data[name])) for name, kind in PARTS.items()}
-        return cls(**_tuples({f.name: data[f.name] for f in fields(cls)} | parts))
+        return cls(**_tuples({f.name: data[f.name] for f in fields(cls) if f.name in data} | parts))
 
 
 PARTS = {"ppo": PPOConfig, "dyna": DynaConfig, "wrap": WrapConfig}

@@ -51,6 +51,7 @@ class Agent:
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
         self._warming_up = config.random_steps > 0
+        self._rewarded = False
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0, 0.0)
 
@@ -73,7 +74,7 @@ class Agent:
             self._warming_up = False
 
     def remember(self, prior: Batch) -> None:
-        """Start from transitions `(N, ...)` that were not made in this run: no random steps, and a model that knows them."""
+        """Start from transitions `(N, ...)` that were not made in this run: no random steps, and a model of them, where needed."""
         self.buffer.extend(prior)
         self.policy.update_normalizer(prior.observation.to(self.device))
         self._warming_up = False
@@ -110,9 +111,12 @@ class Agent:
 
     @property
     def unrewarded(self) -> bool:
-        """Whether neither rewards nor terminations say yet what is good."""
-        seen = self.buffer.all()
-        return not bool(seen.terminated.any()) and bool((seen.reward != seen.reward[0]).sum() < self.config.curious_until)
+        """Whether neither rewards nor terminations have ever said what is good."""
+        if not self._rewarded:
+            seen = self.buffer.all()
+            different = (seen.reward != seen.reward[0]).sum()
+            self._rewarded = bool(seen.terminated.any() | (different >= self.config.curious_until))
+        return not self._rewarded
 
     @property
     def largest_return(self) -> float:

@@ -67,6 +67,10 @@ def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_a
     return Contract(raw, clip=clip_actions)
 
 
+NO_LIMIT = 100_000
+"""Steps after which an episode of an environment without a time limit is given up."""
+
+
 class Contract(gymnasium.Wrapper):
     """Float32 observations, and actions in [-1, 1] that are clipped and then scaled to the wrapped environment's bounds.
 

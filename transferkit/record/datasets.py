@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,6 +13,8 @@ import numpy as np
 from transferkit.errors import RecordingError
 from transferkit.record.reader import Transitions, check_finite, read, read_transitions, spec_of
 from transferkit.spec import IOSpec
+
+LOGGER = logging.getLogger("transferkit")
 
 SCHEME = "minari:"
 """How a dataset is named where a file could stand: `minari:namespace/name-v0`."""
@@ -30,7 +33,11 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
     buffers = []
     for path in paths:
         found = read_transitions(path, spec)
-        buffers += _episodes(found)
+        whole = _episodes(found)
+        left = len(found) - sum(len(episode.rewards) for episode in whole)
+        for note in (*found.notes, *([f"{path}: {left} steps of an episode without an end are left out"] if left else [])):
+            LOGGER.warning(note)
+        buffers += whole
     if not buffers:
         raise RecordingError(f"{paths[0]} holds no whole episode; record it again with `transferkit record`")
     try:
@@ -66,11 +73,15 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
     episodes = list(loaded.iterate_episodes())
     if not episodes:
         raise RecordingError(f"Minari dataset {dataset} has no episode; pass another")
-    parts = [(e.observations[:-1], e.actions, e.rewards, e.observations[1:], e.terminations, e.truncations) for e in episodes]
     try:
+        parts = [
+            (e.observations[:-1], e.actions, e.rewards, e.observations[1:], e.terminations, e.truncations) for e in episodes
+        ]
         columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
     except (TypeError, KeyError, ValueError):
-        raise RecordingError(f"Minari dataset {dataset} has observations or actions that are no flat arrays") from None
+        raise RecordingError(
+            f"Minari dataset {dataset} has observations or actions that are no flat arrays; pass another"
+        ) from None
     for what, array, dim in (("observation", columns[0], spec.obs_dim), ("action", columns[1], spec.act_dim)):
         if array.shape[1:] != (dim,):
             raise RecordingError(f"Minari dataset {dataset} has {what}s of shape {array.shape[1:]}, {spec.env_id} has ({dim},)")

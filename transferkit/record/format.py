@@ -52,7 +52,8 @@ class Names:
 def distinct(names: Sequence[str]) -> list[str]:
     """The names as plain words, which message paths of plotting tools can hold; those that occur twice with their index."""
     plain = [re.sub(r"\W+", "_", name).strip("_") for name in names]
-    return [name if plain.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(plain)]
+    once = [name if plain.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(plain)]
+    return once if len(set(once)) == len(once) else [f"{name}_{i}" for i, name in enumerate(plain)]
 
 
 def schema(names: Names) -> dict[str, Any]:

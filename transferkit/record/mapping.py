@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 import orjson
+from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
@@ -64,13 +65,16 @@ def load_mapping(path: Path) -> dict[str, Source]:
     """
     try:
         data = tomllib.loads(path.read_text())
-    except (OSError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise RecordingError(f"cannot read the mapping {path}: {error}; docs/recordings.md has an example") from None
     unknown = [name for name in data if name not in (*REQUIRED, *OPTIONAL)]
     missing = [name for name in REQUIRED if name not in data]
     if unknown or missing:
         what = f"has an unknown table [{unknown[0]}]" if unknown else f"has no table [{missing[0]}]"
         raise RecordingError(f"the mapping {path} {what}; it needs {', '.join(REQUIRED)} and may have {', '.join(OPTIONAL)}")
+    strays = [name for name, table in data.items() if not isinstance(table, dict)]
+    if strays:
+        raise RecordingError(f"the mapping {path} has {strays[0]} = ...; write a table [{strays[0]}]")
     try:
         return {
             name: Source(table["topic"], tuple(map(str, table.get("fields") or [table["field"]])))
@@ -95,22 +99,22 @@ def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Tran
             )
     series, cut = _series(path, mapping)
     times = series["observation"].times
-    if len(times) < 2:
-        raise RecordingError(f"{path} has fewer than two messages on {mapping['observation'].topic}: no step can be made of it")
+    if not len(times):
+        raise RecordingError(f"{path} has no message on {mapping['observation'].topic}: no step can be made of it")
     rows = {name: _of_steps(series[name], times) for name in mapping if name != "observation"}
-    whole = ((rows["action"] >= 0) & (rows["reward"] >= 0))[:-1]
+    whole = (rows["action"] >= 0) & (rows["reward"] >= 0)
     if not whole.any():
         raise RecordingError(
             f"{path} has no step with an action and a reward between its observation and the next; check the topics"
         )
     flags = {name: _flag(series.get(name), rows.get(name), len(whole)) for name in OPTIONAL}
-    timed_out = whole & flags["truncated"] & ~flags["terminated"]
-    left_out, whole = int((~whole).sum()), whole & ~timed_out
+    followed = np.arange(len(times)) < len(times) - 1
+    unknown = whole & ~flags["terminated"] & (flags["truncated"] | ~followed)
+    left_out, whole = int((~whole & followed).sum()), whole & ~unknown
     flags = {name: flag[whole] for name, flag in flags.items()}
-    taken = {name: series[name].values[rows[name][:-1][whole]] for name in ("action", "reward")}
-    observation, following = (
-        series["observation"].values[part].astype(np.float32)[whole] for part in (slice(-1), slice(1, None))
-    )
+    taken = {name: series[name].values[rows[name][whole]] for name in ("action", "reward")}
+    observations = series["observation"].values.astype(np.float32)
+    observation, following = observations[whole], np.roll(observations, -1, axis=0)[whole]
     # The next message is that of another episode; where a termination led is not needed, since nothing follows it.
     following[flags["terminated"]] = observation[flags["terminated"]]
     if np.abs(taken["action"]).max(initial=0.0) > 1:
@@ -119,9 +123,9 @@ def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Tran
         )
     notes = [f"{path} is cut: {whole.sum()} steps are taken"] if cut else []
     notes += [f"{path}: {left_out} steps lack an action or a reward and are left out"] if left_out else []
-    if timed_out.any():
+    if unknown.any():
         notes.append(
-            f"{path}: {timed_out.sum()} steps that ended by time are left out, since where they led is not in the file"
+            f"{path}: {unknown.sum()} steps that ended by time or with the file are left out, since where they led is not in it"
         )
     found = Transitions(
         observation,
@@ -199,7 +203,10 @@ def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: Deco
         raise RecordingError(
             f"{path}: topic {channel.topic} is encoded as {channel.message_encoding}; json and protobuf can be read"
         )
-    return decoder(data)
+    try:
+        return decoder(data)
+    except DecodeError as error:
+        raise RecordingError(f"{path}: a message on {channel.topic} does not decode ({error}); check the file") from None
 
 
 def _value(message: Any, field: str, topic: str) -> float:  # noqa: ANN401 - JSON, or a protobuf message

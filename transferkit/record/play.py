@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -19,18 +20,17 @@ from numpy.typing import NDArray
 
 from transferkit.envs import derive_spec, make_env
 from transferkit.envs.access import Simulation, open_simulation
+from transferkit.envs.make import NO_LIMIT
 from transferkit.errors import RecordingError, TransferkitError
 from transferkit.policy import Policy
 from transferkit.record.format import SCENE_HZ, Names, about
-from transferkit.record.scene import Transforms, scene
+from transferkit.record.scene import FULL_STATE, Transforms, scene
 from transferkit.record.writer import Recorder, Steps
 from transferkit.run.streams import Streams
 from transferkit.versions import command, versions
 
 ROWS = 250
 """Steps that are encoded together; what lies between the core's ends is computed for all of them at once."""
-
-FULL_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 NAMED = {
     "time": int(mujoco.mjtState.mjSTATE_TIME),
@@ -46,7 +46,7 @@ class Subject:
     """What is recorded: a policy, and whatever is known beside it."""
 
     policy: Policy
-    env: str | Callable[[], gymnasium.Env]
+    env: str
     value: Callable[[torch.Tensor, torch.Tensor], torch.Tensor] | None = None
     """Of observations `(B, obs_dim)` and actions `(B, act_dim)`, `(B,)`."""
     clip_actions: bool = True
@@ -70,8 +70,7 @@ def record(subject: Subject, path: Path, *, episodes: int = 1, seed: int = 0) ->
         RecordingError: the file exists, or the environment is not MuJoCo.
         NotFiniteError: a NaN in an observation, an action or a reward.
     """
-    env = _make(subject)
-    spec = derive_spec(subject.env if isinstance(subject.env, str) else env)
+    env, spec = make_env(subject.env, clip_actions=subject.clip_actions), derive_spec(subject.env)
     simulation = open_simulation(env)
     if simulation is None:
         raise RecordingError(f"{spec.env_id} is no MuJoCo environment, whose state could be recorded; record another --env")
@@ -79,15 +78,14 @@ def record(subject: Subject, path: Path, *, episodes: int = 1, seed: int = 0) ->
     more = {
         "versions": versions(),
         "seed": seed,
+        "episodes": episodes,
         "command": command(),
         "clip_actions": subject.clip_actions,
         **(subject.about or {}),
     }
     streams = Streams(seed)
-    with Recorder(path, about(spec, **more), names, spec.time_step) as recorder:
-        played = [_episode(recorder, subject, env, simulation, k, streams.integer("evaluation", k)) for k in range(episodes)]
-    env.close()
-    return played
+    with closing(env), Recorder(path, about(spec, **more), names, spec.time_step) as recorder:
+        return [_episode(recorder, subject, env, simulation, k, streams.integer("evaluation", k)) for k in range(episodes)]
 
 
 def record_evaluation(policy: Policy, env: str, clip_actions: bool, about: Mapping[str, Any], run: Path, steps: int) -> None:  # noqa: FBT001
@@ -127,31 +125,28 @@ def reward_terms(info: Mapping[str, Any]) -> dict[str, float]:
     return {name: float(value) for name, value in info.items() if name.startswith("reward_") and isinstance(value, Real)}
 
 
-def _make(subject: Subject) -> gymnasium.Env:
-    return make_env(subject.env if isinstance(subject.env, str) else subject.env(), clip_actions=subject.clip_actions)
-
-
 def _episode(recorder: Recorder, subject: Subject, env: gymnasium.Env, simulation: Simulation, index: int, seed: int) -> Played:
     model, data = simulation.model, simulation.data
     every = max(1, round(1 / (SCENE_HZ * recorder.time(1) / 1e9))) if recorder.time(1) else 1
     observation, _ = env.reset(seed=seed)
-    poses, start, total, steps = Transforms(model, data), recorder.steps, 0.0, 0
+    poses, start, total, steps = Transforms(model), recorder.steps, 0.0, 0
     recorder.add_scene(recorder.time(start), scene(model, recorder.time(start)))
     states = np.empty((ROWS + 1, state_size(simulation)))
     mujoco.mj_getState(model, data, states[0], FULL_STATE)
     rows, terminated, truncated = [], False, False
     while not (terminated or truncated):
-        if steps % every == 0:
-            poses.note(recorder.time(start + steps))
         action = subject.policy.act(observation[None])[0]
         following, reward, terminated, truncated, info = env.step(action)
         rows.append((observation, action, reward, info))
         observation, steps = following, steps + 1
+        truncated = truncated or steps >= NO_LIMIT
         mujoco.mj_getState(model, data, states[len(rows)], FULL_STATE)
         if terminated or truncated or len(rows) == ROWS:
             taken = _steps(rows, states[: len(rows) + 1], simulation, following, terminated=terminated, truncated=truncated)
-            recorder.add_transforms(poses.messages())
-            total = recorder.add_steps(index, steps - len(rows), taken, total, _inner(subject, taken))
+            first = steps - len(rows)
+            for k in range(-first % every, len(rows), every):
+                recorder.add_transforms(at := recorder.time(start + first + k), poses.at(states[k], at))
+            total = recorder.add_steps(index, first, taken, total, _inner(subject, taken))
             states[0], rows = states[len(rows)], []
     recorder.end_episode(index=index, seed=seed, steps=steps, total=total, terminated=terminated, first=start)
     return Played(seed, steps, total)

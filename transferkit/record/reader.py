@@ -36,7 +36,7 @@ class Contents:
     steps: list[dict[str, Any]]
     """Messages of the topic `/step`."""
     complete: bool
-    """False for a file that was cut, or whose last episode was."""
+    """False for a file that was cut, or that holds fewer whole episodes than it was to."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def read(path: Path, *, about_only: bool = False) -> Contents:
             complete = isinstance(record, Footer)
     except CutError:
         complete = False
-    return Contents(about, episodes, steps, complete and bool(not steps or _ended(steps[-1])))
+    return Contents(about, episodes, steps, complete and len(episodes) == about.get("episodes", len(episodes)))
 
 
 class CutError(Exception):
@@ -154,14 +154,12 @@ def read_transitions(path: Path, spec: IOSpec) -> Transitions:
         following[:n],
         np.array([step["terminated"] for step in kept]),
         np.array([step["truncated"] for step in kept]),
-        ()
-        if contents.complete
-        else (f"{path} is cut: {n} steps of {kept[-1]['episode'] + 1} episodes are taken, the last one in part",),
+        () if contents.complete else (_taken(path, kept),),
     )
     check_finite(found, path)
     if not contents.about["clip_actions"] and np.abs(found.action).max() > 1:
         raise RecordingError(
-            f"{path} has actions beyond -1 to 1 that were not clipped; record it with another preset than paper"
+            f"{path} has actions beyond -1 to 1 that were not clipped, as under the paper preset; record a run of another"
         )
     return replace(found, action=found.action.clip(-1.0, 1.0))
 
@@ -212,6 +210,11 @@ def check_finite(transitions: Transitions, path: Path) -> None:
         bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if bad.any():
             raise RecordingError(f"{path} has NaN or infinity in {name}, first in step {int(bad.argmax())}; cut that part out")
+
+
+def _taken(path: Path, steps: Sequence[dict[str, Any]]) -> str:
+    part = "" if _ended(steps[-1]) else ", the last one in part"
+    return f"{path} is cut: {len(steps)} steps of {steps[-1]['episode'] + 1} episodes are taken{part}"
 
 
 def _ended(step: dict[str, Any]) -> bool:

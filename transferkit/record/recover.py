@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -21,21 +22,21 @@ def recover(path: Path, out: Path) -> tuple[int, bool]:
     """
     if out.exists():
         raise RecordingError(f"{out} exists; pass another --out FILE.mcap")
-    count, cut = 0, False
+    count, cut = 0, True
     temporary = out.with_name(out.name + ".tmp")
     with temporary.open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(library="transferkit")
         copy = _Copy(writer)
         try:
-            for record in records(path):
-                count += copy(record)
-        except CutError:
-            cut = True
-        except RecordingError:
+            with suppress(CutError):
+                for record in records(path):
+                    count += copy(record)
+                cut = False
+            writer.finish()
+        except BaseException:
             temporary.unlink()
             raise
-        writer.finish()
     if not count:
         temporary.unlink()
         raise RecordingError(f"{path} was cut before its first whole chunk; nothing can be recovered")

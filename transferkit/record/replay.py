@@ -54,7 +54,7 @@ def replay(path: Path, *, on_frame: OnFrame | None = None, render: bool = False)
     contents = read(path)
     spec = spec_of(contents, path)
     if not contents.steps:
-        raise RecordingError(f"{path} was cut before its first whole chunk; nothing can be replayed")
+        raise RecordingError(f"{path} holds no step, so nothing can be replayed; record it again")
     env = make_env(spec.env_id, render_mode="rgb_array" if render else None, clip_actions=contents.about["clip_actions"])
     simulation = open_simulation(env)
     assert simulation is not None  # it was recorded

@@ -26,8 +26,11 @@ from foxglove.messages import (
     TriangleListPrimitive,
     Vector3,
 )
+from numpy.typing import NDArray
 
 WORLD = "world"
+FULL_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
 PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.01
 """Metres; of a plane without bounds, which MuJoCo draws to the horizon."""
 
@@ -40,23 +43,20 @@ def scene(model: Any, nanoseconds: int) -> SceneUpdate:  # noqa: ANN401 - mujoco
 
 
 class Transforms:
-    """Where every body is in the world: noted while the simulation runs, which is quick, and made into messages later."""
+    """Where every body is in the world, of states of the simulation."""
 
-    def __init__(self, model: Any, data: Any) -> None:  # noqa: ANN401 - mujoco.MjModel, mujoco.MjData
+    def __init__(self, model: Any) -> None:  # noqa: ANN401 - mujoco.MjModel
+        self._model, self._data = model, mujoco.MjData(model)  # poses in the simulation's own data may lag behind its state
         self._names = [_name(model, body) for body in range(1, model.nbody)]
-        self._positions, self._quaternions = data.xpos[1:], data.xquat[1:]  # views of the simulation's memory
-        self._noted: list[tuple[int, list[Any], list[Any]]] = []
+        self._positions, self._quaternions = self._data.xpos[1:], self._data.xquat[1:]
 
-    def note(self, nanoseconds: int) -> None:
-        """Remember the present state of the simulation."""
-        self._noted.append((nanoseconds, self._positions.tolist(), self._quaternions.tolist()))
-
-    def messages(self) -> Iterator[tuple[int, FrameTransforms]]:
-        """A time in nanoseconds and a message for everything noted since the last call."""
-        noted, self._noted = self._noted, []
-        for nanoseconds, positions, quaternions in noted:
-            stamp, poses = _time(nanoseconds), zip(self._names, positions, quaternions, strict=True)
-            yield nanoseconds, FrameTransforms(transforms=[_transform(stamp, *pose) for pose in poses])
+    def at(self, state: NDArray[np.float64], nanoseconds: int) -> FrameTransforms:
+        """The message for an integration state."""
+        mujoco.mj_setState(self._model, self._data, state, FULL_STATE)
+        mujoco.mj_kinematics(self._model, self._data)
+        stamp = _time(nanoseconds)
+        poses = zip(self._names, self._positions.tolist(), self._quaternions.tolist(), strict=True)
+        return FrameTransforms(transforms=[_transform(stamp, *pose) for pose in poses])
 
 
 def _transform(stamp: Timestamp, name: str, position: list[float], quaternion: list[float]) -> FrameTransform:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from itertools import accumulate
 from pathlib import Path
@@ -68,7 +68,7 @@ class Recorder:
             raise RecordingError(f"{path} exists; pass another --out FILE.mcap") from None
         except OSError as error:
             raise RecordingError(f"cannot write {path}: {error}; pass --out in a folder that exists") from None
-        self._writer.write_metadata(ABOUT, dict(metadata))
+        self._sure(lambda: self._writer.write_metadata(ABOUT, dict(metadata)))
         self._steps = Channel(STEP, schema=schema(names), context=context)
         self._scene = SceneUpdateChannel(SCENE, context=context)
         self._transforms = FrameTransformsChannel(TRANSFORMS, context=context)
@@ -94,7 +94,7 @@ class Recorder:
             NotFiniteError: NaN or infinity in a step, which JSON cannot hold.
             RecordingError: the disk takes no more.
         """
-        _check_finite(episode, first, steps)
+        _check_finite(episode, first, steps, inner)
         returns = list(accumulate(steps.reward, initial=total))[1:]
         columns = {"return": returns, **self._columns(steps), **self._inner_columns(inner)}
         for k, values in enumerate(zip(*columns.values(), strict=True), first):
@@ -111,14 +111,13 @@ class Recorder:
         """Write the geoms."""
         self._scene.log(message, log_time=at)
 
-    def add_transforms(self, messages: Iterable[tuple[int, FrameTransforms]]) -> None:
-        """Write where the bodies are at times in nanoseconds."""
-        for at, message in messages:
-            self._transforms.log(message, log_time=at)
+    def add_transforms(self, at: int, message: FrameTransforms) -> None:
+        """Write where the bodies are."""
+        self._transforms.log(message, log_time=at)
 
     def end_episode(self, **about: float | bool) -> None:
         """Note an episode that is whole."""
-        self._writer.write_metadata(EPISODE, {name: json.dumps(value) for name, value in about.items()})
+        self._sure(lambda: self._writer.write_metadata(EPISODE, {name: json.dumps(value) for name, value in about.items()}))
 
     def _sure(self, write: Callable[[], None]) -> None:
         try:
@@ -151,9 +150,12 @@ def _named(names: Sequence[str], rows: Sequence[Any] | NDArray[Any]) -> list[dic
     return [dict(zip(names, row, strict=True)) for row in rows]
 
 
-def _check_finite(episode: int, first: int, steps: Steps) -> None:
+def _check_finite(episode: int, first: int, steps: Steps, inner: Mapping[str, NDArray[Any]]) -> None:
     following = np.vstack((steps.observation[1:], steps.next_observation))
-    finite = [np.isfinite(x).all(-1) for x in (following, steps.action, np.array(steps.reward)[:, None])]
-    bad = np.flatnonzero(~np.logical_and.reduce(finite))
+    numbers = (steps.observation, following, steps.action, np.array(steps.reward)[:, None], *inner.values())
+    bad = np.flatnonzero(~np.logical_and.reduce([np.isfinite(x.reshape(len(x), -1)).all(-1) for x in numbers]))
     if len(bad):
-        raise NotFiniteError(f"step {first + bad[0]} of episode {episode} has a NaN or infinite value; it is not recorded")
+        raise NotFiniteError(
+            f"step {first + bad[0]} of episode {episode} has a NaN or infinite value; the recording ends before step {first}: "
+            "find out what the policy or the environment does there, and record into another file"
+        )
