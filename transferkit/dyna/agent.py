@@ -74,7 +74,7 @@ class Agent:
             self._warming_up = False
 
     def remember(self, prior: Batch) -> None:
-        """Start from transitions `(N, ...)` that were not made in this run: no random steps, and a model of them, where needed."""
+        """Start from transitions `(N, ...)` of elsewhere: without random steps, and with a model of them where it is needed."""
         self.buffer.extend(prior)
         self.policy.update_normalizer(prior.observation.to(self.device))
         self._warming_up = False

@@ -145,7 +145,8 @@ def _episode(recorder: Recorder, subject: Subject, env: gymnasium.Env, simulatio
             taken = _steps(rows, states[: len(rows) + 1], simulation, following, terminated=terminated, truncated=truncated)
             first = steps - len(rows)
             for k in range(-first % every, len(rows), every):
-                recorder.add_transforms(at := recorder.time(start + first + k), poses.at(states[k], at))
+                at = recorder.time(start + first + k)
+                recorder.add_transforms(at, poses.at(states[k], at))
             total = recorder.add_steps(index, first, taken, total, _inner(subject, taken))
             states[0], rows = states[len(rows)], []
     recorder.end_episode(index=index, seed=seed, steps=steps, total=total, terminated=terminated, first=start)
