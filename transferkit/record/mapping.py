@@ -102,42 +102,37 @@ def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Tran
     if not len(times):
         raise RecordingError(f"{path} has no message on {mapping['observation'].topic}: no step can be made of it")
     rows = {name: _of_steps(series[name], times) for name in mapping if name != "observation"}
-    whole = (rows["action"] >= 0) & (rows["reward"] >= 0)
-    if not whole.any():
+    logged = (rows["action"] >= 0) & (rows["reward"] >= 0)
+    flags = {name: _flag(series.get(name), rows.get(name), len(times)) for name in OPTIONAL}
+    followed = np.arange(len(times)) < len(times) - 1
+    unknown = logged & ~flags["terminated"] & (flags["truncated"] | ~followed)
+    steps = np.flatnonzero(logged & ~unknown)
+    if not len(steps):
         raise RecordingError(
             f"{path} has no step with an action and a reward between its observation and the next; check the topics"
         )
-    flags = {name: _flag(series.get(name), rows.get(name), len(whole)) for name in OPTIONAL}
-    followed = np.arange(len(times)) < len(times) - 1
-    unknown = whole & ~flags["terminated"] & (flags["truncated"] | ~followed)
-    left_out, whole = int((~whole & followed).sum()), whole & ~unknown
-    flags = {name: flag[whole] for name, flag in flags.items()}
-    taken = {name: series[name].values[rows[name][whole]] for name in ("action", "reward")}
-    observations = series["observation"].values.astype(np.float32)
-    observation, following = observations[whole], np.roll(observations, -1, axis=0)[whole]
-    # The next message is that of another episode; where a termination led is not needed, since nothing follows it.
-    following[flags["terminated"]] = observation[flags["terminated"]]
-    if np.abs(taken["action"]).max(initial=0.0) > 1:
+    observation = series["observation"].values.astype(np.float32)
+    action, reward = (series[name].values[rows[name][steps]].astype(np.float32) for name in ("action", "reward"))
+    if np.abs(action).max() > 1:
         raise RecordingError(
             f"{path} has actions beyond -1 to 1 on {mapping['action'].topic}; log shares of the actuators' ranges"
         )
-    notes = [f"{path} is cut: {whole.sum()} steps are taken"] if cut else []
-    notes += [f"{path}: {left_out} steps lack an action or a reward and are left out"] if left_out else []
-    if unknown.any():
-        notes.append(
-            f"{path}: {unknown.sum()} steps that ended by time or with the file are left out, since where they led is not in it"
-        )
-    found = Transitions(
-        observation,
-        taken["action"].astype(np.float32),
-        taken["reward"][:, 0].astype(np.float32),
-        following,
-        flags["terminated"],
-        flags["truncated"],
-        tuple(notes),
-    )
+    terminated, truncated = (flags[name][steps] for name in OPTIONAL)
+    # The next message is that of another episode; where a termination led is not needed, since nothing follows it.
+    following = observation[np.where(terminated, steps, steps + 1)]
+    notes = _notes(path, len(steps), cut, int((~logged & followed).sum()), int(unknown.sum()))
+    found = Transitions(observation[steps], action, reward[:, 0], following, terminated, truncated, notes)
     check_finite(found, path)
     return found
+
+
+def _notes(path: Path, taken: int, cut: bool, lacking: int, unknown: int) -> tuple[str, ...]:  # noqa: FBT001
+    said = {
+        f"{path} is cut: {taken} steps are taken": cut,
+        f"{path}: {lacking} steps lack an action or a reward and are left out": lacking,
+        f"{path}: {unknown} steps that ended by time or with the file are left out, since where they led is not in it": unknown,
+    }
+    return tuple(note for note, holds in said.items() if holds)
 
 
 def _flag(series: Series | None, rows: NDArray[np.int64] | None, steps: int) -> NDArray[np.bool_]:
