@@ -20,6 +20,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import torch
+
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
 from experiments.cells import CELL, ERROR, TABLE, collect, finished, folder, set_damaged_aside
 from experiments.cluster import check_address, ray_pool
@@ -111,6 +113,7 @@ def run_all(cells: Sequence[Cell], out: Path, workers: int, ray: str | None = No
 
 def run_cell(cell: Cell, out: Path, command: str) -> Outcome:
     """Run one cell in its folder, going on where it stopped; an error is written there and returned, not raised."""
+    torch.set_num_threads(1)  # from the first network on, so that a cell's bits do not depend on what ran before it
     where = folder(out, cell)
     where.mkdir(parents=True, exist_ok=True)
     write_json(where / CELL, {"id": cell.id, **cell.row, "command": command, "config": asdict(cell.config)})

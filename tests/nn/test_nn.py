@@ -90,3 +90,12 @@ def test_a_frozen_part_does_not_move():
     before = layer.weight.clone()
     optimizer.step()
     assert torch.equal(before, layer.weight)
+
+
+def test_initial_weights_do_not_depend_on_the_number_of_threads():
+    weights = []
+    for threads in (2, 1):
+        torch.set_num_threads(threads)
+        weights.append(Linear(64, 64, Streams(0).torch("layer"), gain=1.0).weight)
+        assert torch.get_num_threads() == threads
+    assert torch.equal(*weights)

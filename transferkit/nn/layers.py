@@ -4,12 +4,24 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import torch
 from torch import nn
 
 ACTIVATIONS: dict[str, type[nn.Module]] = {"elu": nn.ELU, "relu": nn.ReLU, "tanh": nn.Tanh}
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """The last bits of a decomposition depend on the number of threads; with one they are always the same."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 class Linear(nn.Linear):
@@ -42,7 +54,8 @@ class Linear(nn.Linear):
             nn.init.uniform_(self.weight, -bound, bound, generator=self._generator)
             nn.init.uniform_(self.bias, -bound, bound, generator=self._generator)
         else:
-            nn.init.orthogonal_(self.weight, self._gain, generator=self._generator)
+            with one_thread():
+                nn.init.orthogonal_(self.weight, self._gain, generator=self._generator)
             nn.init.zeros_(self.bias)
 
 
