@@ -12,13 +12,13 @@ from torch import Tensor, nn
 
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
+from transferkit.nn import Value
 from transferkit.policy import Policy, wrap
-from transferkit.policy.core import Core
 from transferkit.policy.health import random_play
 from transferkit.record.format import Names
 from transferkit.record.play import Subject
 from transferkit.run.directory import POLICY, RECORD, read_json
-from transferkit.trained import Value, load_policy, load_value
+from transferkit.trained import load_policy, load_value
 from transferkit.versions import versions
 from transferkit.zoo.artifact import load_core
 
@@ -48,7 +48,8 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
     home = core.spec.env_id
     about = {"core": core.id, "core_digest": core.digest, "member": member}
     if env is None or env == home:
-        return Subject(core.policy(member), home, _core_value(core, member), about=about)
+        value = core.critic(member).value if "critic" in core.ensembles else None
+        return Subject(core.policy(member), home, value, about=about)
     return Subject(wrap(core, env, member=member), env, about=about)
 
 
@@ -70,13 +71,6 @@ def _value(run: Path, policy: Policy) -> Value | None:
     except TransferkitError as error:
         logging.getLogger("transferkit").warning("values are not recorded: %s", error)
         return None
-
-
-def _core_value(core: Core, member: int) -> Value | None:
-    if "critic" not in core.ensembles:
-        return None
-    critics = core.critic(member)
-    return lambda observation, action: critics(observation, action).mean(0)
 
 
 class Deployed(nn.Module):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from transferkit.config import TrainConfig
 from transferkit.envs import make_env
 from transferkit.errors import RunDirectoryError
 from transferkit.evaluation import Evaluation, evaluate
-from transferkit.nn import Architecture, Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic
+from transferkit.nn import Architecture, Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic, Value
 from transferkit.policy import Policy, ScratchPolicy, build, wrap
 from transferkit.policy.core import Core
 from transferkit.policy.parts import make_critic
@@ -21,9 +21,6 @@ from transferkit.run.directory import POLICY, RECORD, read_json
 from transferkit.run.files import load_state
 from transferkit.run.streams import Streams
 from transferkit.zoo.artifact import load_core
-
-Value = Callable[[Tensor, Tensor], Tensor]
-"""Of observations `(B, obs_dim)` and actions `(B, act_dim)`, `(B,)`."""
 
 
 def new_policy(config: TrainConfig, core: Core | None) -> Policy:
@@ -130,7 +127,7 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
         rebuilt.load_state_dict(policy.state_dict())
         critics = make_critic(rebuilt, config.dyna, Streams(0).torch("critic"))
     critics.load_state_dict(parts["critic"]["weights"])
-    return lambda observation, action: critics(observation, action).mean(0)
+    return critics.value
 
 
 def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:

@@ -28,7 +28,7 @@ COMMANDS = {
 KEPT = {"train": "; the last checkpoint is intact, --resume goes on from it"} | dict.fromkeys(
     ("pretrain", "quickstart"), "; the same command goes on from the last checkpoint"
 )
-"""What is left of a command that was stopped before its work."""
+"""How a command goes on that a Ctrl-C stopped at once."""
 
 USER_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 

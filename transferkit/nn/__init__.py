@@ -1,6 +1,6 @@
 """Networks and distributions; every initialisation takes its own generator, none draws from the global one."""
 
-from transferkit.nn.critic import Critic, JointInput, StateCritic
+from transferkit.nn.critic import Critic, JointInput, StateCritic, Value
 from transferkit.nn.dynamics import Dynamics
 from transferkit.nn.ensemble import Ensemble, EnsembleArchitecture, EnsembleLinear
 from transferkit.nn.layers import MLP, Linear, ResidualLinear, mlp
@@ -21,5 +21,6 @@ __all__ = [
     "PolicyNet",
     "ResidualLinear",
     "StateCritic",
+    "Value",
     "mlp",
 ]

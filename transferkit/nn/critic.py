@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor, nn
 
 from transferkit.nn.layers import Linear, mlp
 from transferkit.nn.normalizer import Normalizer
+
+Value = Callable[[Tensor, Tensor], Tensor]
+"""Of observations `(B, obs_dim)` and actions `(B, act_dim)`, `(B,)`."""
 
 
 class JointInput(nn.Module):
@@ -32,6 +37,10 @@ class Critic(nn.Module):
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
         """Values."""
         return self.ensemble(self.inputs(observation, action)).squeeze(-1)
+
+    def value(self, observation: Tensor, action: Tensor) -> Tensor:
+        """The members' mean, `(B,)`."""
+        return self(observation, action).mean(0)
 
 
 class StateCritic(nn.Module):

@@ -1,11 +1,9 @@
 """Playing episodes with a policy and recording them."""
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco's names come from a compiled module that pyright cannot read.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from numbers import Real
@@ -13,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -22,23 +19,17 @@ from transferkit.envs import derive_spec, make_env
 from transferkit.envs.access import Simulation, open_simulation
 from transferkit.envs.make import NO_LIMIT
 from transferkit.errors import RecordingError, TransferkitError
+from transferkit.nn import Value
 from transferkit.policy import Policy
 from transferkit.record.format import SCENE_HZ, Names, about
-from transferkit.record.scene import FULL_STATE, Transforms, scene
+from transferkit.record.scene import Transforms, scene
+from transferkit.record.state import integration_state, named_parts, state_size
 from transferkit.record.writer import Recorder, Steps
 from transferkit.run.streams import Streams
 from transferkit.versions import command, versions
 
 ROWS = 250
 """Steps that are encoded together; what lies between the core's ends is computed for all of them at once."""
-
-NAMED = {
-    "time": int(mujoco.mjtState.mjSTATE_TIME),
-    "qpos": int(mujoco.mjtState.mjSTATE_QPOS),
-    "qvel": int(mujoco.mjtState.mjSTATE_QVEL),
-    "control": int(mujoco.mjtState.mjSTATE_CTRL),
-}
-"""Parts of the state that are recorded under names too."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +38,7 @@ class Subject:
 
     policy: Policy
     env: str
-    value: Callable[[torch.Tensor, torch.Tensor], torch.Tensor] | None = None
-    """Of observations `(B, obs_dim)` and actions `(B, act_dim)`, `(B,)`."""
+    value: Value | None = None
     clip_actions: bool = True
     about: Mapping[str, Any] | None = None
     """JSON values for the metadata: the core, its digest, the run."""
@@ -102,37 +92,20 @@ def record_evaluation(policy: Policy, env: str, clip_actions: bool, about: Mappi
         logging.getLogger("transferkit").warning("not recorded: %s", error)
 
 
-def integration_state(simulation: Simulation, size: int) -> NDArray[np.float64]:
-    """All that the next step depends on, `(size,)`."""
-    state = np.empty(size)
-    mujoco.mj_getState(simulation.model, simulation.data, state, FULL_STATE)
-    return state
-
-
-def state_size(simulation: Simulation) -> int:
-    """Numbers in `integration_state`."""
-    return mujoco.mj_stateSize(simulation.model, FULL_STATE)
-
-
-def state_part(simulation: Simulation, states: NDArray[np.float64], part: int) -> NDArray[np.float64]:
-    """One of MuJoCo's state elements `(N, k)` of integration states `(N, size)`, which hold them in the order of their bits."""
-    before = mujoco.mj_stateSize(simulation.model, FULL_STATE & (part - 1))
-    return states[:, before : before + mujoco.mj_stateSize(simulation.model, part)]
-
-
 def reward_terms(info: Mapping[str, Any]) -> dict[str, float]:
     """The terms of the reward that an environment names, as Gymnasium's do."""
     return {name: float(value) for name, value in info.items() if name.startswith("reward_") and isinstance(value, Real)}
 
 
 def _episode(recorder: Recorder, subject: Subject, env: gymnasium.Env, simulation: Simulation, index: int, seed: int) -> Played:
-    model, data = simulation.model, simulation.data
+    model = simulation.model
     every = max(1, round(1 / (SCENE_HZ * recorder.time(1) / 1e9))) if recorder.time(1) else 1
     observation, _ = env.reset(seed=seed)
     poses, start, total, steps = Transforms(model), recorder.steps, 0.0, 0
     recorder.add_scene(recorder.time(start), scene(model, recorder.time(start)))
-    states = np.empty((ROWS + 1, state_size(simulation)))
-    mujoco.mj_getState(model, data, states[0], FULL_STATE)
+    size = state_size(simulation)
+    states = np.empty((ROWS + 1, size))
+    states[0] = integration_state(simulation, size)
     rows, terminated, truncated = [], False, False
     while not (terminated or truncated):
         action = subject.policy.act(observation[None])[0]
@@ -140,7 +113,7 @@ def _episode(recorder: Recorder, subject: Subject, env: gymnasium.Env, simulatio
         rows.append((observation, action, reward, info))
         observation, steps = following, steps + 1
         truncated = truncated or steps >= NO_LIMIT
-        mujoco.mj_getState(model, data, states[len(rows)], FULL_STATE)
+        states[len(rows)] = integration_state(simulation, size)
         if terminated or truncated or len(rows) == ROWS:
             taken = _steps(rows, states[: len(rows) + 1], simulation, following, terminated=terminated, truncated=truncated)
             first = steps - len(rows)
@@ -162,7 +135,7 @@ def _steps(
 ) -> Steps:
     """Rows of observation, action, reward and info as columns; a control is what the simulator holds after its step."""
     observations, actions, rewards, infos = zip(*rows, strict=True)
-    parts = {name: state_part(simulation, states, part) for name, part in NAMED.items()}
+    parts = named_parts(simulation, states)
     physics = {name: part[1:] if name == "control" else part[:-1] for name, part in parts.items()}
     terms = [reward_terms(info) for info in infos]
     return Steps(np.stack(observations), np.stack(actions), rewards, terms, states[:-1], physics, following, **ends)

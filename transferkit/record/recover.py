@@ -33,13 +33,12 @@ def recover(path: Path, out: Path) -> tuple[int, bool]:
                 for record in records(path):
                     count += copy(record)
                 cut = False
+            if not count:
+                raise RecordingError(f"{path} was cut before its first whole chunk; nothing can be recovered")
             writer.finish()
         except BaseException:
             temporary.unlink()
             raise
-    if not count:
-        temporary.unlink()
-        raise RecordingError(f"{path} was cut before its first whole chunk; nothing can be recovered")
     temporary.replace(out)
     return count, cut
 

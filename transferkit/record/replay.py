@@ -7,6 +7,7 @@ from __future__ import annotations
 import base64
 import itertools
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,8 @@ from transferkit.envs import make_env
 from transferkit.envs.access import Simulation, open_simulation
 from transferkit.errors import RecordingError
 from transferkit.record.format import Names
-from transferkit.record.play import FULL_STATE, integration_state, state_size
 from transferkit.record.reader import Contents, read, spec_of
+from transferkit.record.state import FULL_STATE, integration_state, state_size
 from transferkit.run.streams import Streams
 from transferkit.versions import versions
 
@@ -59,11 +60,11 @@ def replay(path: Path, *, on_frame: OnFrame | None = None, render: bool = False)
     simulation = open_simulation(env)
     assert simulation is not None  # it was recorded
     streams, names, difference, episodes = Streams(contents.about["seed"]), Names.of(spec), "", 0
-    for index, group in itertools.groupby(contents.steps, lambda step: step["episode"]):
-        observation, _ = env.reset(seed=streams.integer("evaluation", index))
-        found = _episode(env, simulation, list(group), names, observation, on_frame)
-        difference, episodes = difference or found, episodes + 1
-    env.close()
+    with closing(env):
+        for index, group in itertools.groupby(contents.steps, lambda step: step["episode"]):
+            observation, _ = env.reset(seed=streams.integer("evaluation", index))
+            found = _episode(env, simulation, list(group), names, observation, on_frame)
+            difference, episodes = difference or found, episodes + 1
     return Replayed(episodes, len(contents.steps), contents.complete, difference, _different_versions(contents))
 
 

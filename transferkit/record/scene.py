@@ -28,9 +28,9 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
-WORLD = "world"
-FULL_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+from transferkit.record.state import FULL_STATE
 
+WORLD = "world"
 PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.01
 """Metres; of a plane without bounds, which MuJoCo draws to the horizon."""
 
