@@ -40,6 +40,7 @@ bench: install
 	$(BIN)/python -m experiments.bench_record
 	$(BIN)/python -m experiments.bench_report
 	$(BIN)/python -m experiments.bench_matrix
+	$(BIN)/python -m experiments.bench_paper
 
 lock:
 	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

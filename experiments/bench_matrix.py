@@ -23,20 +23,17 @@ ROUNDS = 2
 
 def main() -> None:
     """Measure and print."""
-    ratios, overheads = [], []
-    for _ in range(ROUNDS):
-        (one, own), (two, _) = measure(1), measure(2)
-        ratios.append(one / two)
-        overheads.append(own)
-    print(
-        f"8 cells: 2 workers are {statistics.median(ratios):.2f} times as fast as 1 ({min(ratios):.2f} to {max(ratios):.2f}; "
-        f"must be 1.9); a cell costs {statistics.median(overheads):.1f} s beside its training ({min(overheads):.1f} to "
-        f"{max(overheads):.1f}; must be 3)"
-    )
+    rounds = [(measure(1), measure(2)) for _ in range(ROUNDS)]
+    scaling = [one[0] / two[0] for one, two in rounds]
+    slowed = [two[1] / one[1] for one, two in rounds]
+    overhead = [(one[0] - one[1]) / one[2] for one, _ in rounds]
+    print(f"8 cells: 2 workers are {spread(scaling)} times as fast as 1 (must be 1.9)")
+    print(f"  the training of a cell itself takes {spread(slowed)} times as long beside another, so at best 2 divided by it")
+    print(f"  a cell costs {spread(overhead)} s beside its training (must be 3)")
 
 
-def measure(workers: int) -> tuple[float, float]:
-    """Seconds of the whole command, start and plan included, and a cell's share of them that is no training."""
+def measure(workers: int) -> tuple[float, float, int]:
+    """Seconds of the whole command, start and plan included; of the training in it, over all cells; and how many cells."""
     with tempfile.TemporaryDirectory() as scratch:
         grid, out = Path(scratch) / "grid.toml", Path(scratch) / "out"
         grid.write_text(GRID)
@@ -45,7 +42,12 @@ def measure(workers: int) -> tuple[float, float]:
         subprocess.run(command, check=True, capture_output=True)
         seconds = time.perf_counter() - started
         rows = table(out, problems(out))
-    return seconds, (seconds * workers - sum(row["seconds"] for row in rows)) / len(rows)
+    return seconds, sum(row["seconds"] for row in rows), len(rows)
+
+
+def spread(values: list[float]) -> str:
+    """Median and range."""
+    return f"{statistics.median(values):.2f} ({min(values):.2f} to {max(values):.2f})"
 
 
 if __name__ == "__main__":

@@ -147,5 +147,5 @@ def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result]
         config=asdict(config),
         versions=versions(),
         files={},
-        history=(f"v{recipe.version}: first release" if recipe.version == 1 else f"v{recipe.version}",),
+        history=(f"v{recipe.version}: {', '.join(parts)}; trained with {config.algo}",),
     )

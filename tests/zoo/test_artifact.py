@@ -2,11 +2,13 @@ import json
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import safetensors.torch
 import torch
 
 from transferkit import load_core
+from transferkit.envs import make_env
 from transferkit.errors import ArtifactError, ConfigError, UnknownNameError
 from transferkit.zoo.artifact import ensemble_part, normalizer_part, policy_part, save_core
 from transferkit.zoo.card import digest, read_card
@@ -30,6 +32,22 @@ def test_every_released_core_holds_what_its_card_says(core_id):
 
 def test_the_first_zoo_is_there():
     assert {"inverted-pendulum-v1", "cartpole-balance-v1", "cartpole-swingup-v1"} <= set(CORES)
+
+
+@pytest.mark.parametrize("core_id", [name for name in CORES if "dynamics" in read_card(CORES[name]).parts])
+def test_a_released_model_predicts_its_own_task(core_id):
+    core = load_core(core_id)
+    policy, env, rng = core.policy(), make_env(core.spec.env_id), np.random.default_rng(0)
+    observation, _ = env.reset(seed=0)
+    steps = []
+    for _ in range(100):
+        action = (policy.act(observation[None])[0] + rng.normal(0, 0.2, core.spec.act_dim)).clip(-1, 1).astype(np.float32)
+        following = env.step(action)[0]
+        steps.append((observation, action, following))
+        observation = following
+    before, actions, after = map(torch.from_numpy, map(np.stack, zip(*steps, strict=True)))
+    predicted = core.dynamics().predict(before, actions).next_observation.mean(0)
+    assert (predicted - after).square().mean() < 0.1 * (after - before).square().mean()
 
 
 @pytest.fixture
