@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
@@ -108,6 +109,22 @@ def test_imagined_rows_on_which_members_disagree_are_dropped():
     rows = imagine(40, torch.nn.Identity(), Dynamics(JointInput(None), Split(), 1), buffer, config, Streams(0).torch("x"))
     assert len(rows) == 40
     assert (buffer.split(rows).observation == -1).all()
+
+
+def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(core_with_parts, pendulum_spec):
+    observation, generator = torch.randn(8, 4, generator=Streams(0).torch("x")), Streams(0).torch("transitions")
+    moved = {}
+    for anchor in (0.0, 100.0):
+        policy = wrap(core_with_parts, pendulum_spec)
+        config = replace(TINY, model_members=3, random_steps=100, anchor=anchor, exploration_noise=0.0)
+        made, first = make_agent(policy, pendulum_spec, config), policy(observation)[0].detach()
+        np.testing.assert_allclose(made.explore(observation[:1].numpy()), first[:1].clamp(-1, 1), atol=1e-6)
+        for _ in range(40):
+            draw = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
+            made.buffer.add(Batch(draw(4), draw(1).clamp(-1, 1), draw(1)[0], draw(4), torch.zeros(())))
+            made.learn()
+        moved[anchor] = float((policy(observation)[0] - first).detach().abs().mean())
+    assert moved[100.0] < 0.5 * moved[0.0]
 
 
 def test_a_wrapped_core_learns_slower_and_stays_while_it_is_frozen(core_with_parts, pendulum_spec):

@@ -53,6 +53,9 @@ def test_critic_and_actor_loss():
     assert critic_loss(Twice(), observation, action, torch.tensor([1.0, 2.0])).item() == pytest.approx(21.0)
     # actions 0.5 and 1, totals 1.5 and 3, mean over members 3 and 6
     assert actor_loss(Half(), Twice(), observation).item() == pytest.approx(-4.5)
+    # at first the actions were 0.25 and 0.5: squared distances 1/16 and 1/4
+    first = lambda x: (Half()(x)[0] / 2, None)  # noqa: E731
+    assert actor_loss(Half(), Twice(), observation, first, 2.0).item() == pytest.approx(-1.0 + 2 * (1 / 16 + 1 / 4) / 2)
 
 
 def test_gradients_are_inverted_at_the_bounds():

@@ -51,7 +51,12 @@ class DynaConfig:
     final_noise: float = 0.1
     """What it has become, linearly, at the end of the budget."""
     random_steps: int = 100
-    """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none."""
+    """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none. A core acts
+    from the first step on."""
+    anchor: float = 0.1
+    """How much a policy with a core is held to what it did at first, beside its value (Fujimoto & Gu 2021 take 0.4); it falls
+    to zero, linearly, over the budget. The critics know nothing of the target at first, and a policy that follows them forgets
+    what it could."""
     curious_until: int = 100
     """Until so many rewards differ from the first, and no episode has terminated, the model's disagreement is the reward: where
     no reward is met there is nothing else to learn from (Sekar et al. 2020). 0 for never."""
@@ -120,7 +125,7 @@ class DynaConfig:
                 raise ConfigError(f"{name}={value} must lie between 0 and 1; {flag}")
             if name in RATES and not 0 < value <= 1:
                 raise ConfigError(f"{name}={value} must be above 0 and at most 1; {flag}")
-            if name in ("exploration_noise", "final_noise", "random_steps", "curious_until") and value < 0:
+            if name in ("exploration_noise", "final_noise", "random_steps", "curious_until", "anchor") and value < 0:
                 raise ConfigError(f"{name}={value} must not be negative; {flag}")
         if self.gamma >= 1:
             raise ConfigError(f"gamma={self.gamma} must be below 1; pass --dyna.gamma")
@@ -173,6 +178,7 @@ DYNA_PRESETS: dict[Preset, DynaConfig] = {
         exploration_noise=0.0,
         final_noise=0.0,
         random_steps=0,
+        anchor=0.0,
         curious_until=0,
         overrun_steps=128,
         reward_scale=1.0,

@@ -50,7 +50,8 @@ class Agent:
         self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
-        self._warming_up = config.random_steps > 0
+        self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
+        self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded = False
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0, 0.0)
@@ -197,7 +198,8 @@ class Agent:
 
     def _update_actor(self, observation: Tensor) -> None:
         self.critic.requires_grad_(requires_grad=False)  # its own gradients would cost a third of the backward pass
-        loss = actor_loss(self.policy, self.critic, observation)
+        weight = self.config.anchor * (1.0 - self._progress)
+        loss = actor_loss(self.policy, self.critic, observation, self.first_policy, weight)
         if loss.requires_grad:  # not while every part that shapes the action is frozen
             self.actor_optimizer.zero_grad()
             loss.backward()
@@ -207,7 +209,8 @@ class Agent:
 
     def _modules(self) -> dict[str, nn.Module]:
         names = ("policy", "critic", "model", "target_policy", "target_critic")
-        return {name: getattr(self, name) for name in names}
+        modules = {name: getattr(self, name) for name in names}
+        return modules | ({"first_policy": self.first_policy} if self.first_policy else {})
 
     def _optimizers(self) -> tuple[PartAdam, ...]:
         return self.actor_optimizer, self.critic_optimizer, self.model_optimizer

@@ -35,10 +35,19 @@ def critic_loss(critic: Critic, observation: Tensor, action: Tensor, target: Ten
     return (critic(observation, action) - target).square().mean(-1).sum()
 
 
-def actor_loss(policy: Policy, critic: Critic, observation: Tensor) -> Tensor:
-    """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value."""
+def actor_loss(policy: Policy, critic: Critic, observation: Tensor, first: Policy | None = None, weight: float = 0.0) -> Tensor:
+    """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value.
+
+    With the policy as it was at first: in units of the mean absolute value, plus the weighted squared distance to what that one
+    did (Fujimoto & Gu 2021, equation 3).
+    """
     mean = policy(observation)[0]
-    return -critic(observation, mean if policy.squash else bounded(mean)).mean()
+    value = critic(observation, mean if policy.squash else bounded(mean))
+    if first is None or not weight:
+        return -value.mean()
+    with torch.no_grad():
+        target, scale = first(observation)[0].clamp(-1.0, 1.0), value.abs().mean()
+    return -value.mean() / scale + weight * (mean - target).square().mean()
 
 
 def bounded(action: Tensor) -> Tensor:

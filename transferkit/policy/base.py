@@ -41,6 +41,8 @@ class Policy(nn.Module):
     act_dim: int
     normalizer: Normalizer | None
     """Statistics of this environment's observations; None where the policy takes them raw."""
+    has_core: bool = False
+    """Whether a core acts in it from the first step."""
     squash: bool = False
     """Whether the mean is bounded by tanh, as in the paper's DDPG."""
     lr_scale: Mapping[str, float]

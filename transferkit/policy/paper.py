@@ -23,6 +23,8 @@ class PaperSandwich(Policy):
     each; log std = Linear(log(std + 1e-6)), unbounded.
     """
 
+    has_core = True
+
     def __init__(
         self,
         core: PolicyNet,

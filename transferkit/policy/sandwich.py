@@ -21,6 +21,8 @@ from transferkit.spec import IOSpec
 class Sandwich(Policy):
     """A core between two ends; only linear maps around it, and a bounded log-std that does not depend on the state."""
 
+    has_core = True
+
     def __init__(
         self,
         core: PolicyNet,
