@@ -209,8 +209,10 @@ class Agent:
 
     def _modules(self) -> dict[str, nn.Module]:
         names = ("policy", "critic", "model", "target_policy", "target_critic")
-        modules = {name: getattr(self, name) for name in names}
-        return modules | ({"first_policy": self.first_policy} if self.first_policy else {})
+        modules: dict[str, nn.Module] = {name: getattr(self, name) for name in names}
+        if self.first_policy is not None:
+            modules["first_policy"] = self.first_policy
+        return modules
 
     def _optimizers(self) -> tuple[PartAdam, ...]:
         return self.actor_optimizer, self.critic_optimizer, self.model_optimizer
