@@ -121,7 +121,7 @@ def test_a_released_version_is_never_rewritten(copy):
 
 
 def test_unknown_cores_and_members():
-    with pytest.raises(UnknownNameError, match="did you mean inverted-pendulum-v1"):
+    with pytest.raises(UnknownNameError, match="did you mean inverted-pendulum-v2 or inverted-pendulum-v1"):
         load_core("inverted-pendulum")
     with pytest.raises(ConfigError, match="it has 0 to 4"):
         load_core("inverted-pendulum-v1").network(5)
