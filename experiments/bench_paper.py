@@ -1,6 +1,6 @@
 """How fast are the `paper` presets beside the paper's code, and how soon do the default presets pass its best scores?
 
-`python -m experiments.bench_paper`, 25 minutes with nothing beside it.
+`python -m experiments.bench_paper`, with nothing beside it.
 """
 
 from __future__ import annotations
