@@ -169,6 +169,7 @@ def test_without_imagining_the_model_is_fitted_until_rewards_or_ends_are_met(age
         made = agent(curious_until=2)
         seen = made.buffer.all()
         seen.reward.fill_(0.0)
+        seen.reward[0] = 1.0  # an episode that starts in the reward is not yet a way to it
         assert made.needs_model
         seen.reward[1:3], seen.terminated[3] = reward, terminated
         assert made.needs_model == needs

@@ -115,7 +115,7 @@ class Agent:
         """Whether neither rewards nor terminations have ever said what is good."""
         if not self._rewarded:
             seen = self.buffer.all()
-            different = (seen.reward != seen.reward[0]).sum()
+            different = (seen.reward != seen.reward.median()).sum()
             self._rewarded = bool(seen.terminated.any() | (different >= self.config.curious_until))
         return not self._rewarded
 
