@@ -19,16 +19,18 @@ from torch import nn
 from transferkit.config import DynaConfig
 from transferkit.dyna import Batch
 from transferkit.dyna.agent import Agent
+from transferkit.dyna.imagine import imagine
 from transferkit.dyna.losses import dynamics_loss
-from transferkit.envs import derive_spec
+from transferkit.envs import derive_spec, make_env
 from transferkit.nn import Architecture
+from transferkit.nn.dynamics import Dynamics
 from transferkit.policy import ScratchPolicy
 from transferkit.policy.parts import make_critic, make_dynamics
 from transferkit.run import Streams
 
 ENV, OBS, ACT, WIDTH, BATCH, UPDATES = "Hopper-v5", 11, 3, 128, 128, 20
 ROUNDS = 25
-MODEL_BATCH, MODEL_MEMBERS = 256, 5
+MODEL_BATCH, MODEL_MEMBERS, ROLLOUTS = 256, 5, 1280
 
 
 def agent(*, layer_norm: bool) -> Agent:
@@ -110,6 +112,51 @@ def model_update() -> Callable[[], None]:
     return update
 
 
+def model_products() -> Callable[[], None]:
+    """The matrix products of one update of the ensemble and nothing else."""
+    sizes = (OBS + ACT, WIDTH), (WIDTH, WIDTH), (WIDTH, Dynamics.out_dim(OBS))
+    rand = lambda *shape: torch.randn(MODEL_MEMBERS, *shape)  # noqa: E731
+    layers = [(rand(MODEL_BATCH, n), rand(n, m), rand(MODEL_BATCH, m)) for n, m in sizes]
+
+    def update() -> None:
+        for k, (inputs, weights, grad) in enumerate(layers):
+            torch.bmm(inputs, weights), torch.bmm(inputs.transpose(1, 2), grad)
+            if k:  # nothing asks for the gradient of the first inputs
+                torch.bmm(grad, weights.transpose(1, 2))
+
+    return update
+
+
+def rollout() -> Callable[[], None]:
+    """One imagined step from `ROLLOUTS` replayed observations, all members asked, the least agreed fifth dropped."""
+    ours = agent(layer_norm=False)
+
+    def step() -> None:
+        imagine(ROLLOUTS, ours.policy, ours.model, ours.buffer, ours.config, ours.imagination)
+
+    return step
+
+
+def peer_rollout() -> Callable[[], None]:
+    """The same number of steps of mbrl-lib's model, which asks one member for each, and none whether the episode ends."""
+    from mbrl.models import GaussianMLP, ModelEnv, OneDTransitionRewardModel  # type: ignore[import-not-found] # noqa: PLC0415
+
+    ours = agent(layer_norm=False)
+    network = GaussianMLP(
+        OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, propagation_method="random_model"
+    )
+    model = OneDTransitionRewardModel(network, target_is_delta=True, normalize=True, learned_rewards=True)
+    never = lambda action, observation: torch.zeros(len(observation), 1, dtype=torch.bool)  # noqa: E731
+    env = ModelEnv(make_env(ENV), model, never, generator=torch.Generator())
+
+    @torch.no_grad()
+    def step() -> None:
+        observation = ours.buffer.split(ours.buffer.sample((ROLLOUTS,), ours.imagination)).observation
+        env.step(ours.policy(observation)[0].clamp(-1.0, 1.0), env.reset(observation.numpy(), return_as_np=False))
+
+    return step
+
+
 def peer_model_update() -> tuple[str, Callable[[], None]]:
     """One update of mbrl-lib's ensemble where it is installed, else of a plain loop over networks."""
     rows = torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + ACT), torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + 1)
@@ -173,8 +220,10 @@ def main() -> None:
     name, peer = peer_model_update()
     compare(
         f"an update of an ensemble of {MODEL_MEMBERS}, {WIDTH}-{WIDTH}, batches of {MODEL_BATCH} (must be 3)",
-        {"transferkit": model_update(), name: peer},
+        {"transferkit": model_update(), name: peer, "matrix products alone": model_products()},
     )
+    if importlib.util.find_spec("mbrl"):
+        compare(f"{ROLLOUTS} imagined steps (must be 3)", {"transferkit": rollout(), "mbrl-lib": peer_rollout()})
 
 
 if __name__ == "__main__":

@@ -58,8 +58,8 @@ class DynaConfig:
     to zero, linearly, over the budget. The critics know nothing of the target at first, and a policy that follows them forgets
     what it could."""
     curious_until: int = 100
-    """Until so many rewards differ from their median, and no episode has terminated, the model's disagreement is the reward: where
-    no reward is met there is nothing else to learn from (Sekar et al. 2020). 0 for never."""
+    """Until so many rewards differ from their median, and no episode has terminated, the model's disagreement is the reward:
+    where no reward is met there is nothing else to learn from (Sekar et al. 2020). 0 for never."""
     overrun_steps: int = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: int = 1_000_000

@@ -66,11 +66,9 @@ class Dynamics(nn.Module):
 
     def forward(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Mean and log-variance `(E, B, obs_dim + 1)` of the normalised targets, and termination logits `(E, B)`."""
-        n = self.obs_dim + 1
-        mean, raw, logit = self.ensemble(self.inputs(observation, action)).split((n, n, 1), -1)
+        mean, raw, logit = self._outputs(observation, action)
         low, high = LOG_VAR_BOUNDS
-        log_var = low + functional.softplus(high - functional.softplus(high - raw) - low)
-        return mean, log_var, logit.squeeze(-1)
+        return mean, low + functional.softplus(high - functional.softplus(high - raw) - low), logit
 
     def targets(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> Tensor:
         """What the means are trained towards, `(..., obs_dim + 1)`."""
@@ -86,7 +84,7 @@ class Dynamics(nn.Module):
     @torch.no_grad()
     def predict(self, observation: Tensor, action: Tensor) -> Prediction:
         """Means of all members for `(B, obs_dim)`, `(B, act_dim)`; sine and cosine of an angle put back on the circle."""
-        mean, _, logit = self(observation, action)
+        mean, _, logit = self._outputs(observation, action)
         change = mean * self.std + self.mean
         following = self._kept * observation + change[..., :-1]
         if self._sin:
@@ -94,6 +92,11 @@ class Dynamics(nn.Module):
             radius = torch.hypot(sin, cos).clamp(min=EPSILON)
             following[..., self._sin], following[..., self._cos] = sin / radius, cos / radius
         return Prediction(following, change[..., -1], torch.sigmoid(logit))
+
+    def _outputs(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        n = self.obs_dim + 1
+        mean, raw, logit = self.ensemble(self.inputs(observation, action)).split((n, n, 1), -1)
+        return mean, raw, logit.squeeze(-1)
 
     def _raw_targets(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> Tensor:
         return torch.cat((next_observation - self._kept * observation, reward.unsqueeze(-1)), -1)
