@@ -136,8 +136,8 @@ def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core):
     monkeypatch.undo()
     (tmp_path / "cut/episodes.csv").open("a").write("999,half a row that a kill left beh")
     run_training(config, out=tmp_path / "cut", resume=True)
-    assert_same(tmp_path / "whole", tmp_path / "cut")
     assert run_training(config, out=tmp_path / "cut", resume=True).run_dir == str(tmp_path / "cut")  # finished: no more work
+    assert_same(tmp_path / "whole", tmp_path / "cut")
 
 
 def test_a_run_killed_before_its_first_checkpoint_starts_again(tmp_path):

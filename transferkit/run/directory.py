@@ -77,7 +77,7 @@ class RunDirectory:
 
     @classmethod
     def resume(cls, path: Path, config: Mapping[str, Any]) -> tuple[RunDirectory, Any]:
-        """Take up a run; returns it with the state of its last checkpoint, or None where there is none yet.
+        """Take up a run; returns it with the state of its last checkpoint, or None where there is none yet or nothing to go on with.
 
         Raises:
             RunDirectoryError: no run there, one with another configuration, or one that another process is writing.
@@ -90,6 +90,8 @@ class RunDirectory:
                 "start anew with another --out DIR"
             )
         run = cls(path)
+        if run.result is not None:
+            return run, None  # finished: its tables stay as they are
         state = load_state(path / CHECKPOINT) if (path / CHECKPOINT).exists() else None
         for name in TABLES:
             if run._table_path(name).exists():
