@@ -77,7 +77,7 @@ class RunDirectory:
 
     @classmethod
     def resume(cls, path: Path, config: Mapping[str, Any]) -> tuple[RunDirectory, Any]:
-        """Take up a run; returns it with the state of its last checkpoint, or None where there is none yet or nothing to go on with.
+        """Take up a run; returns it with the state of its last checkpoint, or None where there is none or the run is finished.
 
         Raises:
             RunDirectoryError: no run there, one with another configuration, or one that another process is writing.
