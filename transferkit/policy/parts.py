@@ -21,29 +21,26 @@ from transferkit.spec import IOSpec
 
 def make_critic(policy: Policy, config: DynaConfig, generator: torch.Generator) -> Critic:
     """Critics under the policy's observation statistics; the core's own in a sandwich, where it has as many."""
-    origin = _origin(policy, "critic") if config.wrap_critic else None
-    if origin is not None and origin.core.ensembles["critic"].members == config.critics:
-        ensemble = cast("Ensemble", origin.core.critic(origin.member).ensemble)
-        return Critic(AdaptedInput(policy, origin, generator), WrappedEnsemble(ensemble, 1, origin, generator))
     inputs = policy.obs_dim + policy.act_dim
-    architecture = EnsembleArchitecture(config.critics, inputs, 1, config.hidden, config.layer_norm)
-    return Critic(JointInput(policy.normalizer), Ensemble(architecture, generator))
+    new = Ensemble(EnsembleArchitecture(config.critics, inputs, 1, config.hidden, config.layer_norm), generator)
+    origin = _origin(policy, "critic") if config.wrap_critic else None
+    if origin is None or origin.core.ensembles["critic"].members != config.critics:
+        return Critic(JointInput(policy.normalizer), new)
+    core = cast("Ensemble", origin.core.critic(origin.member).ensemble)
+    return Critic(AdaptedInput(policy, origin, generator), WrappedEnsemble(core, new, origin, generator))
 
 
 def make_dynamics(policy: Policy, spec: IOSpec, config: DynaConfig, generator: torch.Generator) -> Dynamics:
     """A model under the policy's observation statistics; the core's own in a sandwich, where it has as many members."""
-    absolute, outputs = config.predict == "state", Dynamics.out_dim(policy.obs_dim)
-    angles = [] if absolute else angle_pairs(spec)
+    absolute, width = config.predict == "state", policy.obs_dim + policy.act_dim
+    shape = config.model_members, width, Dynamics.out_dim(policy.obs_dim), config.model_hidden, config.layer_norm
+    ensemble: nn.Module = (new := Ensemble(EnsembleArchitecture(*shape), generator))
+    inputs: nn.Module = JointInput(policy.normalizer)
     origin = _origin(policy, "dynamics") if config.wrap_dynamics else None
     if origin is not None and origin.core.ensembles["dynamics"].members == config.model_members:
         core = cast("Ensemble", origin.core.dynamics(origin.member).ensemble)
-        inputs: nn.Module = AdaptedInput(policy, origin, generator)
-        ensemble: nn.Module = WrappedEnsemble(core, outputs, None, generator)
-    else:
-        width = policy.obs_dim + policy.act_dim
-        architecture = EnsembleArchitecture(config.model_members, width, outputs, config.model_hidden, config.layer_norm)
-        inputs, ensemble = JointInput(policy.normalizer), Ensemble(architecture, generator)
-    return Dynamics(inputs, ensemble, policy.obs_dim, angles, absolute=absolute)
+        inputs, ensemble = AdaptedInput(policy, origin, generator), WrappedEnsemble(core, new, None, generator)
+    return Dynamics(inputs, ensemble, policy.obs_dim, [] if absolute else angle_pairs(spec), absolute=absolute)
 
 
 def learning_parts(module: nn.Module, policy: Policy) -> list[Part]:
@@ -64,10 +61,11 @@ def thaw(module: nn.Module, policy: Policy, progress: float) -> None:
 
 
 class AdaptedInput(nn.Module):
-    """Target observations and actions as the core's: the policy's input adapter, and actions mapped back."""
+    """Target observations and actions as the core's, by the policy's input adapter and actions mapped back, and as they are."""
 
     def __init__(self, policy: Policy, origin: Origin, generator: torch.Generator) -> None:
         super().__init__()
+        self.direct = JointInput(policy.normalizer)
         assert policy.normalizer is not None  # a sandwich has one
         core, found = origin.core, origin.match
         self.source_normalizer = core.normalizer(origin.member)
@@ -79,27 +77,35 @@ class AdaptedInput(nn.Module):
         self.finetune = ResidualLinear(core.spec.obs_dim + core.spec.act_dim)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """What the core's ensemble sees, `(..., source obs_dim + act_dim)`."""
-        return self.finetune(torch.cat((self.observation(observation), self.action(action)), -1))
+        """What the core's ensemble sees, then what a new one would, `(..., both sources' obs_dim + act_dim)`."""
+        adapted = self.finetune(torch.cat((self.observation(observation), self.action(action)), -1))
+        return torch.cat((adapted, self.direct(observation, action)), -1)
 
 
 class WrappedEnsemble(nn.Module):
-    """Hidden layers of a core's ensemble, a residual layer that starts as the identity, and a head."""
+    """Hidden layers of a core's ensemble, a residual layer that starts as the identity, and a head; beside them a new ensemble.
 
-    def __init__(self, core: Ensemble, out_dim: int, origin: Origin | None, generator: torch.Generator) -> None:
-        """With an origin whose adapters are matched the head starts as the core's own, else at random."""
+    The core sees no more of the target than its own source had. What the values and the changes of a larger robot depend on
+    besides, only a path around the core can learn (as the columns of Rusu et al. 2016).
+    """
+
+    def __init__(self, core: Ensemble, new: Ensemble, origin: Origin | None, generator: torch.Generator) -> None:
+        """With an origin whose adapters are matched the head starts as the core's own, else at random; `new` starts at zero."""
         super().__init__()
         members, width = core.architecture.members, core.architecture.hidden[-1]
-        self.core = core
+        self.core, self.new = core, new
         self.finetune = EnsembleLinear(members, width, width)
         matched = origin is not None and origin.match is not None
-        self.head = core.head if matched else EnsembleLinear(members, width, out_dim, generator)
+        self.head = core.head if matched else EnsembleLinear(members, width, new.architecture.out_dim, generator)
         core.head = nn.Identity()  # type: ignore[assignment] - this one is its head now
+        nn.init.zeros_(new.head.weight)
+        nn.init.zeros_(new.head.bias)
 
     def forward(self, x: Tensor) -> Tensor:
         """Outputs `(E, B, out_dim)` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for rows of its own each."""
-        features = self.core.features(x)
-        return self.head(features + self.finetune(features))
+        adapted, direct = x.split((self.core.architecture.in_dim, self.new.architecture.in_dim), -1)
+        features = self.core.features(adapted)
+        return self.head(features + self.finetune(features)) + self.new(direct)
 
     def core_parameters(self) -> list[nn.Parameter]:
         """Of the hidden layers."""
