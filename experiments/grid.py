@@ -26,19 +26,32 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import re
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, Preset, TrainConfig, preset
 from transferkit.envs import environment_ids
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, TransferkitError
 from transferkit.zoo.artifact import load_core
+
+T = TypeVar("T")
+
+
+class GridError(ConfigError):
+    """A value of a grid that cannot be."""
+
+    def __init__(self, message: object, *where: str) -> None:
+        """`where` is what its line holds, the most telling first; flags that the message names become a grid's keys."""
+        super().__init__(re.sub(r"pass --([\w.-]+)", lambda flag: "set " + flag[1].replace("-", "_"), str(message)))
+        self.where = where
 
 
 @dataclass(frozen=True)
@@ -107,7 +120,7 @@ class Grid:
     eval_episodes: int = 20
 
     def __post_init__(self) -> None:
-        Budget(self.episodes, self.steps, self.seconds)
+        _try(lambda: Budget(self.episodes, self.steps, self.seconds), "episodes", "steps", "seconds")
         _check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
         _check_names("target", self.targets, environment_ids())
         names = [trainer.name or trainer.algo for trainer in self.trainer]
@@ -123,9 +136,10 @@ class Grid:
         for trainer in self.trainer:
             _check_names("algo", (trainer.algo,), get_args(Algorithm))
             _check_names("preset", (trainer.preset,), get_args(Preset))
-        for core in map(load_core, self.cores):
+        for name in self.cores:
+            core = _try(partial(load_core, name), name)
             for member in self.members:
-                core.network(member)
+                _try(partial(core.network, member), "members")
 
     def cells(self) -> list[Cell]:
         """Every run once: arms without a core are not repeated for every core and member."""
@@ -149,27 +163,50 @@ def load_cells(path: Path) -> list[Cell]:
     """Every run of a grid's file, once, seed by seed: what has run at any moment is nearly the same for all arms.
 
     Raises:
-        ConfigError: no such file, no TOML, an unknown key, or a value that cannot be.
-        TransferkitError: an unknown core or member.
+        ConfigError: no such file, no TOML, an unknown key, or a value that cannot be, with its line.
     """
     try:
-        data = tomllib.loads(path.read_text())
+        text = path.read_text()
+        data = tomllib.loads(text)
     except FileNotFoundError:
         raise ConfigError(f"{path} does not exist; grids lie in experiments/grids") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path} is no TOML: {error}") from None
-    parts = data.pop("part", [{}])
+    parts, cells = data.pop("part", [{}]), {}
     if not isinstance(parts, list):
-        raise ConfigError(f"part={parts!r} must be written as [[part]]")
-    cells = {cell.id: cell for part in parts for cell in _grid({**data, **part}).cells()}
+        raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
+    for k, part in enumerate(parts):
+        try:
+            cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
+        except GridError as error:
+            raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
+
+
+def _line(text: str, part: int, where: tuple[str, ...]) -> str:
+    """The line that holds the first of `where` to be found: in the part itself, else in what all parts share."""
+    lines = [line.partition("#")[0] for line in text.splitlines()]
+    starts = [k for k, line in enumerate(lines) if line.strip() == "[[part]]"] or [len(lines)]
+    own, shared = range(starts[part], (*starts, len(lines))[part + 1]), range(starts[0])
+    for word in where:
+        for k in (*own, *shared):
+            if re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", lines[k]):
+                return f", line {k + 1}"
+    return ""
+
+
+def _try(make: Callable[[], T], *where: str) -> T:
+    try:
+        return make()
+    except TransferkitError as error:
+        raise GridError(error, *where) from None
 
 
 def _grid(data: dict[str, Any]) -> Grid:
     _check_names("key", data, [f.name for f in fields(Grid)])
     for name in ("cores", "targets", "arms", "seeds"):
         if not data.get(name):
-            raise ConfigError(f"the grid has no {name}; give a list")
+            raise GridError(f"the grid has no {name}; give a list", name)
     data["seeds"] = _seeds(data["seeds"])
     _check_types(data)
     for trainer in data.get("trainer", []):
@@ -183,7 +220,7 @@ def _seeds(value: object) -> list[int]:
         return value
     first, dash, last = str(value).partition("-")
     if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
-        raise ConfigError(f'seeds={value!r} must be a list of whole numbers, or "0-9"')
+        raise GridError(f'seeds={value!r} must be a list of whole numbers, or "0-9"', "seeds")
     return list(range(int(first), int(last) + 1))
 
 
@@ -192,12 +229,14 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
         section, _, key = name.partition(".")
         part = getattr(config, section, None)
         if section not in ("ppo", "dyna", "wrap") or not hasattr(part, key):
-            raise ConfigError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD")
+            raise GridError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key)
         fixed = tuple(value) if isinstance(value, list) else value
         try:
             config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
+        except ConfigError as error:
+            raise GridError(error, name, key) from None
         except TypeError:
-            raise ConfigError(f"set has {name}={value!r}, which is of the wrong type") from None
+            raise GridError(f"set has {name}={value!r}, which is of the wrong type", name, key) from None
     return config
 
 
@@ -205,18 +244,19 @@ def _check_types(data: Mapping[str, Any]) -> None:
     whole, lists = ("episodes", "steps", "eval_every", "eval_episodes"), ("cores", "targets", "arms", "members", "trainer")
     for name, value in data.items():
         if (name in whole and type(value) is not int) or (name in lists and not isinstance(value, list)):
-            raise ConfigError(f"{name}={value!r} must be a {'whole number' if name in whole else 'list'}")
+            raise GridError(f"{name}={value!r} must be a {'whole number' if name in whole else 'list'}", name)
 
 
 def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any collection of names or numbers
     twice = [value for value, count in Counter(values).items() if count > 1]
     if twice:
         fix = "; give each a name" if what == "trainer" else "; list it once"
-        raise ConfigError(f"the grid has {what} {twice[0]!r} more than once{fix}")
+        words = [twice[0], "trainer"] if isinstance(twice[0], str) else [f"{what}s"]
+        raise GridError(f"the grid has {what} {twice[0]!r} more than once{fix}", *words)
 
 
 def _check_names(what: str, names: Any, known: Any) -> None:  # noqa: ANN401 - any collections of strings
     for name in names:
         if name not in known:
             shown = ", ".join(list(known)[:20]) + (", ..." if len(known) > 20 else "")
-            raise ConfigError(f"unknown {what} {name!r}; known are {shown}")
+            raise GridError(f"unknown {what} {name!r}; known are {shown}", name)

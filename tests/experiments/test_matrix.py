@@ -59,16 +59,18 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("steps = 150", "", "no budget given"),
-        ('"transfer"', '"transfers"', "unknown arm 'transfers'"),
-        ("InvertedDoublePendulum-v5", "Inverted-v0", "unknown target 'Inverted-v0'"),
-        ("inverted-pendulum-v1", "nothing-v1", "nothing-v1"),
-        ('"0-1"', '"1-0"', "must be a list of whole numbers"),
-        ("steps = 150", "steps = 150\nmembers = [9]", "no member 9"),
-        ("steps = 150", "step = 150", "unknown key 'step'"),
-        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.speed" = 1 }', "no field ppo.speed"),
-        ("eval_episodes = 2", '[[trainer]]\nalgo = "sac"', "unknown algo 'sac'"),
+        ("steps = 150", "", "grid.toml: no budget given"),
+        ('"transfer"', '"transfers"', "line 5: unknown arm 'transfers'"),
+        ("InvertedDoublePendulum-v5", "Inverted-v0", "line 4: unknown target 'Inverted-v0'"),
+        ("inverted-pendulum-v1", "nothing-v1", "line 3: .*nothing-v1"),
+        ('"0-1"', '"1-0"', "line 6: .*must be a list of whole numbers"),
+        ("steps = 150", "steps = 150\nmembers = [9]", "line 3: .*no member 9"),
+        ("steps = 150", "step = 150", "line 2: unknown key 'step'"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.speed" = 1 }', "line 8: .*no field ppo.speed"),
+        ("eval_episodes = 2", '[[trainer]]\nalgo = "sac"', "line 8: unknown algo 'sac'"),
         ("eval_episodes = 2", "eval_episodes = ", "is no TOML"),
+        ("eval_episodes = 2", "[[part]]\n[[part]]\nseeds = [5, 5]", "line 9: the grid has seed 5 more than once"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "dyna.tau" = 3 }', "line 8: tau=3 .*; set dyna.tau"),
     ],
 )
 def test_a_wrong_grid_is_refused_before_anything_runs(grid, old, new, message):
