@@ -18,7 +18,7 @@ TINY = TrainConfig(
     steps=400,
     eval_episodes=1,
     ppo=PPOConfig(num_envs=1, rollout_steps=64, epochs=1, hidden=(8,)),
-    dyna=DynaConfig(hidden=(16, 16), model_hidden=(16,), updates_per_step=1, batch_size=32, critics=2),
+    dyna=DynaConfig(hidden=(16, 16), model_hidden=(16,), updates_per_step=1, batch_size=32, critics=2, wrap_critic=True),
 )
 
 

@@ -124,12 +124,12 @@ def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(core_with_pa
             made.buffer.add(Batch(draw(4), draw(1).clamp(-1, 1), draw(1)[0], draw(4), torch.zeros(())))
             made.learn()
         moved[anchor] = float((policy(observation)[0] - first).detach().abs().mean())
-    assert moved[100.0] < 0.5 * moved[0.0]
+    assert moved[100.0] < 0.7 * moved[0.0]
 
 
 def test_a_wrapped_core_learns_slower_and_stays_while_it_is_frozen(core_with_parts, pendulum_spec):
     policy = wrap(core_with_parts, pendulum_spec, lr_scale={"core": 0.2}, freeze={"core": 0.5})
-    made = make_agent(policy, pendulum_spec, replace(TINY, critics=2, model_members=3))
+    made = make_agent(policy, pendulum_spec, replace(TINY, critics=2, model_members=3, wrap_critic=True))
     scales = [part.lr_scale for part in learning_parts(made.critic, policy)]
     assert scales == [1.0, 0.2]
     weight = made.critic.ensemble.core.body[0].weight

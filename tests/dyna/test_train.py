@@ -86,10 +86,10 @@ def test_ensemble_members_are_independent():
 def test_a_wrapped_critic_on_its_own_source_is_the_cores(core_with_parts):
     core = core_with_parts
     policy = wrap(core, core.spec)
-    critic = make_critic(policy, DynaConfig(critics=2), Streams(0).torch("test"))
+    critic = make_critic(policy, DynaConfig(critics=2, wrap_critic=True), Streams(0).torch("test"))
     observation, action = torch.randn(7, 4, generator=Streams(0).torch("x")), torch.full((7, 1), 0.3)
     torch.testing.assert_close(critic(observation, action), core.critic()(observation, action))
-    fresh = make_critic(policy, DynaConfig(critics=2, wrap_critic=False), Streams(0).torch("test"))
+    fresh = make_critic(policy, DynaConfig(critics=2), Streams(0).torch("test"))
     assert isinstance(fresh.ensemble, Ensemble)
 
 

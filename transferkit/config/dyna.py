@@ -70,8 +70,9 @@ class DynaConfig:
     """Running mean and variance inside the policy."""
     initialization: Literal["orthogonal", "uniform"] = "orthogonal"
     """Of the policy's layers; `uniform` is `nn.Linear`'s own (the paper)."""
-    wrap_critic: bool = True
-    """Wrap the core's critic, where it has one; False starts with new critics."""
+    wrap_critic: bool = False
+    """Wrap the core's critics, where it has as many; by default they are new, because with wrapped ones a larger robot was
+    learnt more slowly (docs: evidence)."""
     wrap_dynamics: bool = True
     """Wrap the core's model, where it has one; False starts with a new model."""
     model_share: float = 0.0

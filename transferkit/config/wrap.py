@@ -23,8 +23,9 @@ class WrapConfig:
     auto is semantic where anything matches, else random."""
     finetune: bool = True
     """Square residual layers beside the core, the identity until trained."""
-    residual: int = 0
-    """Width of a side network from the observation straight to the action, zero at the start; 0 for none."""
+    residual: int = 64
+    """Width of a side network from the observation straight to the action, zero at the start (Rusu et al. 2016); 0 for none. A
+    core sees no more elements than its source had: without a way around it, larger robots are hardly learnt."""
     freeze: Mapping[str, float] = field(default_factory=dict)
     """For each part (`core`, `input_adapter`, ...) the share of the budget during which it does not learn: 1 for all of
     it, 0.5 to unfreeze it half way."""
@@ -44,6 +45,6 @@ class WrapConfig:
 
 WRAP_PRESETS: dict[Preset, WrapConfig] = {
     "default": WrapConfig(),
-    "paper": WrapConfig(structure="paper", tap="action", adapter="random", lr_scale={"core": 1 / 3}),
+    "paper": WrapConfig(structure="paper", tap="action", adapter="random", residual=0, lr_scale={"core": 1 / 3}),
 }
 """`paper`: core at 1e-4 of 3e-4, as on InvertedDoublePendulum; on Hopper the paper uses 1e-5 (`lr_scale={'core': 1 / 30}`)."""
