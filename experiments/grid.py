@@ -29,11 +29,11 @@ import json
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeGuard, get_args
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
 from transferkit.budget import Budget
@@ -42,16 +42,18 @@ from transferkit.envs import environment_ids
 from transferkit.errors import ConfigError, TransferkitError
 from transferkit.zoo.artifact import load_core
 
-T = TypeVar("T")
+WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
+ITEMS = {"cores": str, "targets": str, "arms": str, "members": int, "trainer": dict}
+KINDS = {str: "names", int: "whole numbers", dict: "tables"}
 
 
 class GridError(ConfigError):
     """A value of a grid that cannot be."""
 
-    def __init__(self, message: object, *where: str) -> None:
+    def __init__(self, message: object, *where: object) -> None:
         """`where` is what its line holds, the most telling first; flags that the message names become a grid's keys."""
         super().__init__(re.sub(r"pass --([\w.-]+)", lambda flag: "set " + flag[1].replace("-", "_"), str(message)))
-        self.where = where
+        self.where = [str(word) for word in where]
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,8 @@ class Grid:
     eval_episodes: int = 20
 
     def __post_init__(self) -> None:
-        _try(lambda: Budget(self.episodes, self.steps, self.seconds), "episodes", "steps", "seconds")
+        with _at("episodes", "steps", "seconds"):
+            Budget(self.episodes, self.steps, self.seconds)
         _check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
         _check_names("target", self.targets, environment_ids())
         names = [trainer.name or trainer.algo for trainer in self.trainer]
@@ -137,9 +140,11 @@ class Grid:
             _check_names("algo", (trainer.algo,), get_args(Algorithm))
             _check_names("preset", (trainer.preset,), get_args(Preset))
         for name in self.cores:
-            core = _try(partial(load_core, name), name)
-            for member in self.members:
-                _try(partial(core.network, member), "members")
+            with _at(name):
+                core = load_core(name)
+            with _at("members"):
+                for member in self.members:
+                    core.network(member)
 
     def cells(self) -> list[Cell]:
         """Every run once: arms without a core are not repeated for every core and member."""
@@ -149,7 +154,8 @@ class Grid:
             plain = TrainConfig(target, core=core, member=member, algo=trainer.algo, seed=seed)
             config = _override(preset(plain, trainer.preset), trainer.set)
             bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
-            config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
+            with _at("eval_every", "eval_episodes"):
+                config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
             cell = Cell(core, member, target, arm, trainer.name or trainer.algo, config)
             if arm in WITHOUT_CORE:
                 cell = replace(cell, core="", member=0, config=replace(config, core=None, member=0))
@@ -173,7 +179,7 @@ def load_cells(path: Path) -> list[Cell]:
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path} is no TOML: {error}") from None
     parts, cells = data.pop("part", [{}]), {}
-    if not isinstance(parts, list):
+    if not _is_list_of(dict, parts):
         raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
     for k, part in enumerate(parts):
         try:
@@ -183,40 +189,46 @@ def load_cells(path: Path) -> list[Cell]:
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
 
 
-def _line(text: str, part: int, where: tuple[str, ...]) -> str:
+def _line(text: str, part: int, where: list[str]) -> str:
     """The line that holds the first of `where` to be found: in the part itself, else in what all parts share."""
     lines = [line.partition("#")[0] for line in text.splitlines()]
-    starts = [k for k, line in enumerate(lines) if line.strip() == "[[part]]"] or [len(lines)]
-    own, shared = range(starts[part], (*starts, len(lines))[part + 1]), range(starts[0])
+    starts = [k for k, line in enumerate(lines) if line.strip() == "[[part]]"]
+    bounds = [0, *starts, len(lines)]
+    own = range(*bounds[part + 1 : part + 3]) if starts else ()  # parts may also be written in one line
     for word in where:
-        for k in (*own, *shared):
+        for k in (*own, *range(bounds[1])):
             if re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", lines[k]):
                 return f", line {k + 1}"
     return ""
 
 
-def _try(make: Callable[[], T], *where: str) -> T:
+@contextmanager
+def _at(*where: str) -> Iterator[None]:
+    """What is refused inside is a grid's error."""
     try:
-        return make()
+        yield
     except TransferkitError as error:
         raise GridError(error, *where) from None
 
 
 def _grid(data: dict[str, Any]) -> Grid:
     _check_names("key", data, [f.name for f in fields(Grid)])
-    for name in ("cores", "targets", "arms", "seeds"):
-        if not data.get(name):
+    for name in ("cores", "targets", "arms", "seeds", *data):
+        if data.get(name) in (None, [], ""):
             raise GridError(f"the grid has no {name}; give a list", name)
     data["seeds"] = _seeds(data["seeds"])
     _check_types(data)
     for trainer in data.get("trainer", []):
         _check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
+        for name, value in trainer.items():
+            if not isinstance(value, kind := dict if name == "set" else str):
+                raise GridError(f"{name}={value!r} must be a {'table' if kind is dict else 'name'}", name)
     data["trainer"] = [Trainer(**trainer) for trainer in data.get("trainer", [{}])]
     return Grid(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
 
 
 def _seeds(value: object) -> list[int]:
-    if isinstance(value, list) and all(type(seed) is int for seed in value):
+    if _is_list_of(int, value):
         return value
     first, dash, last = str(value).partition("-")
     if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
@@ -231,20 +243,26 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
         if section not in ("ppo", "dyna", "wrap") or not hasattr(part, key):
             raise GridError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key)
         fixed = tuple(value) if isinstance(value, list) else value
-        try:
-            config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
-        except ConfigError as error:
-            raise GridError(error, name, key) from None
-        except TypeError:
-            raise GridError(f"set has {name}={value!r}, which is of the wrong type", name, key) from None
+        with _at(name, key):
+            try:
+                config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
+            except TypeError:
+                raise ConfigError(f"set has {name}={value!r}, which is of the wrong type") from None
     return config
 
 
 def _check_types(data: Mapping[str, Any]) -> None:
-    whole, lists = ("episodes", "steps", "eval_every", "eval_episodes"), ("cores", "targets", "arms", "members", "trainer")
     for name, value in data.items():
-        if (name in whole and type(value) is not int) or (name in lists and not isinstance(value, list)):
-            raise GridError(f"{name}={value!r} must be a {'whole number' if name in whole else 'list'}", name)
+        if name in WHOLE and type(value) is not int:
+            raise GridError(f"{name}={value!r} must be a whole number", name)
+        if name == "seconds" and type(value) not in (int, float):
+            raise GridError(f"{name}={value!r} must be a number", name)
+        if name in ITEMS and not _is_list_of(ITEMS[name], value):
+            raise GridError(f"{name}={value!r} must be a list of {KINDS[ITEMS[name]]}", name)
+
+
+def _is_list_of(kind: type, value: object) -> TypeGuard[list[Any]]:
+    return isinstance(value, list) and all(type(item) is kind for item in value)
 
 
 def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any collection of names or numbers

@@ -119,12 +119,12 @@ def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(core_with_pa
         config = replace(TINY, model_members=3, random_steps=100, anchor=anchor, exploration_noise=0.0)
         made, first = make_agent(policy, pendulum_spec, config), policy(observation)[0].detach()
         np.testing.assert_allclose(made.explore(observation[:1].numpy()), first[:1].clamp(-1, 1), atol=1e-6)
-        for _ in range(40):
+        for _ in range(80):
             draw = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
             made.buffer.add(Batch(draw(4), draw(1).clamp(-1, 1), draw(1)[0], draw(4), torch.zeros(())))
             made.learn()
         moved[anchor] = float((policy(observation)[0] - first).detach().abs().mean())
-    assert moved[100.0] < 0.7 * moved[0.0]
+    assert moved[100.0] < 0.5 * moved[0.0]
 
 
 def test_a_wrapped_core_learns_slower_and_stays_while_it_is_frozen(core_with_parts, pendulum_spec):
