@@ -1,25 +1,4 @@
-"""Grids of runs in TOML, checked before anything runs.
-
-```toml
-episodes = 200                       # and/or steps, seconds; as in every budget
-cores = ["inverted-pendulum-v1"]
-members = [0, 1]                     # source seeds of each core, crossed with the seeds
-targets = ["InvertedDoublePendulum-v5"]
-arms = ["transfer", "scratch", "random"]
-seeds = "0-9"                        # or a list
-eval_every = 500
-
-[[trainer]]
-name = "fast PPO"                    # in tables; by default the algorithm's
-algo = "ppo"
-preset = "default"
-set = { "ppo.learning_rate" = 1e-3 } # any field of the configuration
-
-[[part]]                             # several products in one file: what each has in place of the keys above
-targets = ["Hopper-v5"]
-seeds = "0-4"
-```
-"""
+"""The runs of a grid: a product of lists, each value of it checked."""
 
 from __future__ import annotations
 
@@ -27,13 +6,11 @@ import hashlib
 import itertools
 import json
 import re
-import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, TypeGuard, get_args
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, get_args
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
 from transferkit.budget import Budget
@@ -41,10 +18,6 @@ from transferkit.config import Algorithm, Preset, TrainConfig, preset
 from transferkit.envs import environment_ids
 from transferkit.errors import ConfigError, TransferkitError
 from transferkit.zoo.artifact import load_core
-
-WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
-ITEMS = {"cores": str, "targets": str, "arms": str, "members": int, "trainer": dict}
-KINDS = {str: "names", int: "whole numbers", dict: "tables"}
 
 
 class GridError(ConfigError):
@@ -124,8 +97,8 @@ class Grid:
     def __post_init__(self) -> None:
         with _at("episodes", "steps", "seconds"):
             Budget(self.episodes, self.steps, self.seconds)
-        _check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
-        _check_names("target", self.targets, environment_ids())
+        check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
+        check_names("target", self.targets, environment_ids())
         names = [trainer.name or trainer.algo for trainer in self.trainer]
         for what, values in {
             "core": self.cores,
@@ -137,8 +110,8 @@ class Grid:
         }.items():
             _check_distinct(what, values)
         for trainer in self.trainer:
-            _check_names("algo", (trainer.algo,), get_args(Algorithm))
-            _check_names("preset", (trainer.preset,), get_args(Preset))
+            check_names("algo", (trainer.algo,), get_args(Algorithm))
+            check_names("preset", (trainer.preset,), get_args(Preset))
         for name in self.cores:
             with _at(name):
                 core = load_core(name)
@@ -165,43 +138,6 @@ class Grid:
         return list(found.values())
 
 
-def load_cells(path: Path) -> list[Cell]:
-    """Every run of a grid's file, once, seed by seed: what has run at any moment is nearly the same for all arms.
-
-    Raises:
-        ConfigError: no such file, no TOML, an unknown key, or a value that cannot be, with its line.
-    """
-    try:
-        text = path.read_text()
-        data = tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigError(f"{path} does not exist; grids lie in experiments/grids") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{path} is no TOML: {error}") from None
-    parts, cells = data.pop("part", [{}]), {}
-    if not _is_list_of(dict, parts):
-        raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
-    for k, part in enumerate(parts):
-        try:
-            cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
-        except GridError as error:
-            raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
-    return sorted(cells.values(), key=lambda cell: cell.config.seed)
-
-
-def _line(text: str, part: int, where: list[str]) -> str:
-    """The line that holds the first of `where` to be found: in the part itself, else in what all parts share."""
-    lines = [line.partition("#")[0] for line in text.splitlines()]
-    starts = [k for k, line in enumerate(lines) if line.strip() == "[[part]]"]
-    bounds = [0, *starts, len(lines)]
-    own = range(*bounds[part + 1 : part + 3]) if starts else ()  # parts may also be written in one line
-    for word in where:
-        for k in (*own, *range(bounds[1])):
-            if re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", lines[k]):
-                return f", line {k + 1}"
-    return ""
-
-
 @contextmanager
 def _at(*where: str) -> Iterator[None]:
     """What is refused inside is a grid's error."""
@@ -209,31 +145,6 @@ def _at(*where: str) -> Iterator[None]:
         yield
     except TransferkitError as error:
         raise GridError(error, *where) from None
-
-
-def _grid(data: dict[str, Any]) -> Grid:
-    _check_names("key", data, [f.name for f in fields(Grid)])
-    for name in ("cores", "targets", "arms", "seeds", *data):
-        if data.get(name) in (None, [], ""):
-            raise GridError(f"the grid has no {name}; give a list", name)
-    data["seeds"] = _seeds(data["seeds"])
-    _check_types(data)
-    for trainer in data.get("trainer", []):
-        _check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
-        for name, value in trainer.items():
-            if not isinstance(value, kind := dict if name == "set" else str):
-                raise GridError(f"{name}={value!r} must be a {'table' if kind is dict else 'name'}", name)
-    data["trainer"] = [Trainer(**trainer) for trainer in data.get("trainer", [{}])]
-    return Grid(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
-
-
-def _seeds(value: object) -> list[int]:
-    if _is_list_of(int, value):
-        return value
-    first, dash, last = str(value).partition("-")
-    if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
-        raise GridError(f'seeds={value!r} must be a list of whole numbers, or "0-9"', "seeds")
-    return list(range(int(first), int(last) + 1))
 
 
 def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
@@ -251,20 +162,6 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
     return config
 
 
-def _check_types(data: Mapping[str, Any]) -> None:
-    for name, value in data.items():
-        if name in WHOLE and type(value) is not int:
-            raise GridError(f"{name}={value!r} must be a whole number", name)
-        if name == "seconds" and type(value) not in (int, float):
-            raise GridError(f"{name}={value!r} must be a number", name)
-        if name in ITEMS and not _is_list_of(ITEMS[name], value):
-            raise GridError(f"{name}={value!r} must be a list of {KINDS[ITEMS[name]]}", name)
-
-
-def _is_list_of(kind: type, value: object) -> TypeGuard[list[Any]]:
-    return isinstance(value, list) and all(type(item) is kind for item in value)
-
-
 def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any collection of names or numbers
     twice = [value for value, count in Counter(values).items() if count > 1]
     if twice:
@@ -273,7 +170,8 @@ def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any colle
         raise GridError(f"the grid has {what} {twice[0]!r} more than once{fix}", *words)
 
 
-def _check_names(what: str, names: Any, known: Any) -> None:  # noqa: ANN401 - any collections of strings
+def check_names(what: str, names: Any, known: Any) -> None:  # noqa: ANN401 - any collections of strings
+    """Refuse the first name that is not known."""
     for name in names:
         if name not in known:
             shown = ", ".join(list(known)[:20]) + (", ..." if len(known) > 20 else "")

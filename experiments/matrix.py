@@ -25,7 +25,8 @@ import torch
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
 from experiments.cells import CELL, ERROR, TABLE, collect, finished, folder, set_damaged_aside
 from experiments.cluster import check_address, ray_pool
-from experiments.grid import Cell, load_cells
+from experiments.grid import Cell
+from experiments.grid_file import load_cells
 from experiments.plan import plan
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env

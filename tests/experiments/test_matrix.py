@@ -7,7 +7,7 @@ import time
 import pytest
 
 from experiments import matrix
-from experiments.grid import load_cells
+from experiments.grid_file import load_cells
 from transferkit.errors import TransferkitError
 
 GRID = """

@@ -12,7 +12,7 @@ from playwright.sync_api import sync_playwright
 
 from experiments import matrix
 from experiments.cells import CELLS, SET_ASIDE, set_damaged_aside
-from experiments.grid import load_cells
+from experiments.grid_file import load_cells
 from experiments.report.data import Arm, Group, load_matrix, running_mean
 from experiments.verdict import paired
 from transferkit.errors import RunDirectoryError

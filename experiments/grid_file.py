@@ -1,0 +1,114 @@
+"""Grids of runs in TOML, checked before anything runs.
+
+```toml
+episodes = 200                       # and/or steps, seconds; as in every budget
+cores = ["inverted-pendulum-v1"]
+members = [0, 1]                     # source seeds of each core, crossed with the seeds
+targets = ["InvertedDoublePendulum-v5"]
+arms = ["transfer", "scratch", "random"]
+seeds = "0-9"                        # or a list
+eval_every = 500
+
+[[trainer]]
+name = "fast PPO"                    # in tables; by default the algorithm's
+algo = "ppo"
+preset = "default"
+set = { "ppo.learning_rate" = 1e-3 } # any field of the configuration
+
+[[part]]                             # several products in one file: what each has in place of the keys above
+targets = ["Hopper-v5"]
+seeds = "0-4"
+```
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, TypeGuard
+
+from experiments.grid import Cell, Grid, GridError, Trainer, check_names
+from transferkit.errors import ConfigError
+
+WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
+ITEMS = {"cores": str, "targets": str, "arms": str, "members": int, "trainer": dict}
+KINDS = {str: "names", int: "whole numbers", dict: "tables"}
+
+
+def load_cells(path: Path) -> list[Cell]:
+    """Every run of a grid's file, once, seed by seed: what has run at any moment is nearly the same for all arms.
+
+    Raises:
+        ConfigError: no such file, no TOML, an unknown key, or a value that cannot be, with its line.
+    """
+    try:
+        text = path.read_text()
+        data = tomllib.loads(text)
+    except FileNotFoundError:
+        raise ConfigError(f"{path} does not exist; grids lie in experiments/grids") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path} is no TOML: {error}") from None
+    parts, cells = data.pop("part", [{}]), {}
+    if not _is_list_of(dict, parts):
+        raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
+    for k, part in enumerate(parts):
+        try:
+            cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
+        except GridError as error:
+            raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
+    return sorted(cells.values(), key=lambda cell: cell.config.seed)
+
+
+def _line(text: str, part: int, where: list[str]) -> str:
+    """The line that holds the first of `where` to be found: in the part itself, else in what all parts share."""
+    lines = [line.partition("#")[0] for line in text.splitlines()]
+    starts = [k for k, line in enumerate(lines) if line.strip() == "[[part]]"]
+    bounds = [0, *starts, len(lines)]
+    own = range(*bounds[part + 1 : part + 3]) if starts else ()  # parts may also be written in one line
+    for word in where:
+        for k in (*own, *range(bounds[1])):
+            if re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", lines[k]):
+                return f", line {k + 1}"
+    return ""
+
+
+def _grid(data: dict[str, Any]) -> Grid:
+    check_names("key", data, [f.name for f in fields(Grid)])
+    for name in ("cores", "targets", "arms", "seeds", *data):
+        if data.get(name) in (None, [], ""):
+            raise GridError(f"the grid has no {name}; give a list", name)
+    data["seeds"] = _seeds(data["seeds"])
+    _check_types(data)
+    for trainer in data.get("trainer", []):
+        check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
+        for name, value in trainer.items():
+            if not isinstance(value, kind := dict if name == "set" else str):
+                raise GridError(f"{name}={value!r} must be a {'table' if kind is dict else 'name'}", name)
+    data["trainer"] = [Trainer(**trainer) for trainer in data.get("trainer", [{}])]
+    return Grid(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
+
+
+def _seeds(value: object) -> list[int]:
+    if _is_list_of(int, value):
+        return value
+    first, dash, last = str(value).partition("-")
+    if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
+        raise GridError(f'seeds={value!r} must be a list of whole numbers, or "0-9"', "seeds")
+    return list(range(int(first), int(last) + 1))
+
+
+def _check_types(data: Mapping[str, Any]) -> None:
+    for name, value in data.items():
+        if name in WHOLE and type(value) is not int:
+            raise GridError(f"{name}={value!r} must be a whole number", name)
+        if name == "seconds" and type(value) not in (int, float):
+            raise GridError(f"{name}={value!r} must be a number", name)
+        if name in ITEMS and not _is_list_of(ITEMS[name], value):
+            raise GridError(f"{name}={value!r} must be a list of {KINDS[ITEMS[name]]}", name)
+
+
+def _is_list_of(kind: type, value: object) -> TypeGuard[list[Any]]:
+    return isinstance(value, list) and all(type(item) is kind for item in value)
