@@ -106,6 +106,7 @@ def train(
     device: str = "cpu",
     eval_episodes: int = 20,
     eval_every: int = 0,
+    stop_at: float | None = None,
     report: Report | None = None,
 ) -> Result:
     """Train a policy in place, evaluate it, and keep everything in a run directory.
@@ -123,6 +124,7 @@ def train(
         device: of the networks.
         eval_episodes: episodes of an evaluation.
         eval_every: environment steps between evaluations during training; 0 for only one at the end.
+        stop_at: mean return of an evaluation, after the first one, that ends training before the budget does.
         report: called after every update.
 
     Raises:
@@ -130,7 +132,7 @@ def train(
     """
     name = env if isinstance(env, str) else _factory_name(env)
     full = preset(TrainConfig(name, algo=algo, seed=seed, device=device), preset_name)
-    full = replace(full, **asdict(budget), eval_episodes=eval_episodes, eval_every=eval_every)
+    full = replace(full, **asdict(budget), eval_episodes=eval_episodes, eval_every=eval_every, stop_at=stop_at)
     if config is not None:
         if isinstance(config, PPOConfig) != (algo == "ppo"):
             raise ConfigError(f"config is a {type(config).__name__}, which algo='{algo}' does not take; pass algo= to match")
@@ -185,6 +187,7 @@ def _execute(
             envs.num_envs,
             evaluate=partial(_evaluate, policy, make, config, record_every),
             eval_every=config.eval_every,
+            stop_at=config.stop_at,
             checkpoint_seconds=config.checkpoint_seconds,
             report=report,
         )

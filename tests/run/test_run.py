@@ -8,7 +8,7 @@ import torch
 
 from transferkit import load_core
 from transferkit.config import TrainConfig
-from transferkit.errors import Interrupted, NotFiniteError, RunDirectoryError
+from transferkit.errors import ConfigError, Interrupted, NotFiniteError, RunDirectoryError
 from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.run import RunDirectory, Streams
 from transferkit.run.directory import read_table
@@ -138,6 +138,17 @@ def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core):
     run_training(config, out=tmp_path / "cut", resume=True)
     assert run_training(config, out=tmp_path / "cut", resume=True).run_dir == str(tmp_path / "cut")  # finished: no more work
     assert_same(tmp_path / "whole", tmp_path / "cut")
+
+
+def test_training_stops_at_an_evaluation_that_is_good_enough(tmp_path):
+    with pytest.raises(ConfigError, match=r"stop_at=3 .*--eval-every"):
+        small(eval_every=0, stop_at=3.0)
+    result = run_training(small(stop_at=1.0), out=tmp_path / "run")
+    steps = [int(row["steps"]) for row in read_table(tmp_path / "run", "evaluations")]
+    assert steps == [0, 512]
+    assert result.steps == 512
+    whole = run_training(small(stop_at=1e6), out=tmp_path / "whole")
+    assert whole.steps == 1001
 
 
 def test_a_run_killed_before_its_first_checkpoint_starts_again(tmp_path):

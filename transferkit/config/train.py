@@ -39,6 +39,8 @@ class TrainConfig:
     """Episodes of an evaluation."""
     eval_every: int = 0
     """Environment steps between evaluations, the first before any training; 0 evaluates at the end only."""
+    stop_at: float | None = None
+    """Mean return of an evaluation, after the first one, that ends training before the budget does."""
     checkpoint_seconds: float = 20.0
     """Least time between checkpoints."""
     device: str = "cpu"
@@ -57,6 +59,8 @@ class TrainConfig:
     def __post_init__(self) -> None:
         if self.eval_episodes < 1 or self.eval_every < 0:
             raise ConfigError(f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0")
+        if self.stop_at is not None and not self.eval_every:
+            raise ConfigError(f"stop_at={self.stop_at:g} is compared with evaluations; pass --eval-every STEPS with it")
         if self.experience and self.algo != "dyna-ddpg":
             raise ConfigError(f"{self.algo} does not learn from recordings; pass --algo dyna-ddpg, or leave out --experience")
         if self.mapping and not self.experience:

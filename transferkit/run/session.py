@@ -34,15 +34,17 @@ class Session:
         *,
         evaluate: Callable[[Session], Mapping[str, float]],
         eval_every: int = 0,
+        stop_at: float | None = None,
         checkpoint_seconds: float = 20.0,
         report: Report | None = None,
     ) -> None:
         self.directory, self.budget, self.spent = directory, budget, Spent()
-        self._evaluate, self._eval_every = evaluate, eval_every
+        self._evaluate, self._eval_every, self._stop_at = evaluate, eval_every, stop_at
         self._checkpoint_seconds, self._report = checkpoint_seconds, report
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
         self._recent: deque[float] = deque(maxlen=RECENT)
         self._evaluated = self.evaluations = 0
+        self._scores: Mapping[str, float] = {}
         self._interrupted = False
         self._started = self._saved = 0.0
         self._seconds_before = 0.0
@@ -50,8 +52,8 @@ class Session:
 
     @property
     def progress(self) -> float:
-        """Share of the budget that is spent."""
-        return self.spent.fraction(self.budget)
+        """Share of the budget that is spent; 1 once an evaluation was good enough to stop."""
+        return 1.0 if self._good_enough else self.spent.fraction(self.budget)
 
     @property
     def step_progress(self) -> float:
@@ -111,13 +113,15 @@ class Session:
             )
 
     def evaluate(self) -> Mapping[str, float]:
-        """Evaluate the policy, off the clock, and write the row."""
+        """Evaluate the policy, off the clock, and write the row; at a step that has been evaluated nothing is done again."""
+        if self._scores and self._evaluated == self.spent.steps:
+            return self._scores
         with self._paused():
             row = {"episodes": self.spent.episodes, "steps": self.spent.steps, "seconds": round(self.spent.seconds, 3)}
             scores = self._evaluate(self)
             self.directory.append("evaluations", {**row, **scores})
             self._log({f"evaluation/{name}": value for name, value in scores.items()})
-        self._evaluated = self.spent.steps
+        self._evaluated, self._scores = self.spent.steps, scores
         self.evaluations += 1
         return scores
 
@@ -130,6 +134,7 @@ class Session:
             "recent": list(self._recent),
             "evaluated": self._evaluated,
             "evaluations": self.evaluations,
+            "scores": dict(self._scores),
         }
         self.directory.checkpoint({"session": own, "trainer": dict(state)})
         self._saved = time.monotonic()
@@ -140,7 +145,7 @@ class Session:
         self._seconds_before = self.spent.seconds
         self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
         self._recent.extend(state["recent"])
-        self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
+        self._evaluated, self.evaluations, self._scores = state["evaluated"], state["evaluations"], state["scores"]
 
     @contextmanager
     def running(self) -> Iterator[None]:
@@ -157,6 +162,10 @@ class Session:
                 signal.signal(number, handler)
             if self._writer is not None:
                 self._writer.close()
+
+    @property
+    def _good_enough(self) -> bool:
+        return self._stop_at is not None and self._evaluated > 0 and self._scores["return_mean"] >= self._stop_at
 
     def _evaluations_due(self) -> bool:
         return self.spent.steps // self._eval_every > self._evaluated // self._eval_every
