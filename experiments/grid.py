@@ -125,7 +125,9 @@ class Grid:
         lists = self.cores, self.members, self.targets, self.trainer, self.arms, self.seeds
         for core, member, target, trainer, arm, seed in itertools.product(*lists):
             plain = TrainConfig(target, core=core, member=member, algo=trainer.algo, seed=seed)
-            config = _override(preset(plain, trainer.preset), trainer.set)
+            with _at(trainer.preset, trainer.algo):
+                config = preset(plain, trainer.preset)
+            config = _override(config, trainer.set)
             bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
             with _at("eval_every", "eval_episodes"):
                 config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)

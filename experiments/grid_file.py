@@ -65,11 +65,11 @@ def load_cells(path: Path) -> list[Cell]:
 def _line(text: str, part: int, where: list[str]) -> str:
     """The line that holds the first of `where` to be found: in the part itself, else in what all parts share."""
     lines = [line.partition("#")[0] for line in text.splitlines()]
-    starts = [k for k, line in enumerate(lines) if line.strip() == "[[part]]"]
-    bounds = [0, *starts, len(lines)]
-    own = range(*bounds[part + 1 : part + 3]) if starts else ()  # parts may also be written in one line
+    starts = [k for k, line in enumerate(lines) if re.match(r"\s*(\[\[part\]\]|part\s*=)", line)] or [len(lines)]
+    part = min(part, len(starts) - 1)  # parts may also be written as one list
+    own = range(starts[part], (*starts, len(lines))[part + 1])
     for word in where:
-        for k in (*own, *range(bounds[1])):
+        for k in (*own, *range(starts[0])):
             if re.search(rf"(?<![\w-]){re.escape(word)}(?![\w-])", lines[k]):
                 return f", line {k + 1}"
     return ""

@@ -119,18 +119,24 @@ def assert_same(a, b):
         assert torch.equal(tensor, numbers(b)[2][name]), name
 
 
-@pytest.mark.parametrize("core", [None, "inverted-pendulum-v1"])
-def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core):
-    config = small(core=core, env="InvertedDoublePendulum-v5")
+@pytest.mark.parametrize(
+    ("core", "stop_at", "steps"),
+    [
+        (None, None, 384),
+        ("inverted-pendulum-v1", None, 384),
+        (None, 1.0, 512),  # at the very evaluation that is good enough
+    ],
+)
+def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core, stop_at, steps):
+    config = small(core=core, env="InvertedDoublePendulum-v5", stop_at=stop_at)
     run_training(config, out=tmp_path / "whole")
     after_update = Session.after_update
 
-    def stop_at_the_third(self, metrics, state):
-        if self.spent.steps >= 384:
-            self._interrupted = True
+    def interrupted(self, metrics, state):
+        self._interrupted = self.spent.steps >= steps
         after_update(self, metrics, state)
 
-    monkeypatch.setattr(Session, "after_update", stop_at_the_third)
+    monkeypatch.setattr(Session, "after_update", interrupted)
     with pytest.raises(Interrupted, match="--resume"):
         run_training(config, out=tmp_path / "cut")
     monkeypatch.undo()

@@ -66,7 +66,7 @@ class TrainConfig:
         if self.mapping and not self.experience:
             raise ConfigError(f"mapping={self.mapping} has no recordings to read; pass --experience FILE.mcap with it")
         if self.algo == "dyna-ppo" and self.dyna.model_loss != "likelihood":
-            raise ConfigError("dyna-ppo needs a model that learns rewards; the paper has no code for it: use --preset default")
+            raise ConfigError("dyna-ppo needs a model that learns rewards; the paper has no code for it: pass --preset default")
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> TrainConfig:

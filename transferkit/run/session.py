@@ -145,7 +145,8 @@ class Session:
         self._seconds_before = self.spent.seconds
         self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
         self._recent.extend(state["recent"])
-        self._evaluated, self.evaluations, self._scores = state["evaluated"], state["evaluations"], state["scores"]
+        self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
+        self._scores = state.get("scores", {})  # older checkpoints have none, and evaluate their last step again
 
     @contextmanager
     def running(self) -> Iterator[None]:
