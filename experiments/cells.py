@@ -1,4 +1,4 @@
-"""A matrix on disk: a folder `cells/<hash of its configuration>` for every run, and one table of those that are finished."""
+"""A matrix on disk: a folder `cells/<hash of its configuration>` for every run, and two tables of those that are finished."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import functools
 import io
 import itertools
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,10 @@ from transferkit.errors import RunDirectoryError
 from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, read_json
 from transferkit.run.files import load_state, write_atomically
 
-CELL, ERROR, TABLE = "cell.json", "error.txt", "cells.csv"
+CELL, ERROR = "cell.json", "error.txt"
+TABLE, EVALUATIONS = "cells.csv", "evaluations.csv"
 CELLS, SET_ASIDE = "cells", "damaged"
+NAMES = ("id", "core", "member", "target", "arm", "trainer", "algo", "preset", "seed")
 MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
 VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
 LAST = 50
@@ -32,7 +34,7 @@ EDITED = -10.0
 
 PAPER_MEASURES = ("last_50_mean", "last_50_edited", "all_mean")
 
-SMALL = (CELL, ERROR, f"run/{RECORD}", f"run/{RESULT}", "run/episodes.csv", "run/evaluations.csv", "run/model.csv")
+SMALL = (CELL, ERROR, f"run/{RECORD}", f"run/{RESULT}", "run/episodes.csv", f"run/{EVALUATIONS}", "run/model.csv")
 """What tables and reports need of a cell; the rest is checkpoints and logs."""
 
 
@@ -78,10 +80,10 @@ def _result_problem(run: Path, *, trained: bool) -> str:
     return ""
 
 
-def set_damaged_aside(out: Path) -> list[str]:
+def set_damaged_aside(out: Path, damaged: Mapping[Path, str]) -> list[str]:
     """Move cells whose files are damaged out of the way, so that they run again; one line about each."""
     lines = []
-    for where, what in problems(out).items():
+    for where, what in damaged.items():
         names = (out / SET_ASIDE / f"{where.name}.{k}" for k in itertools.count())
         copy = next(name for name in names if not name.exists())
         copy.parent.mkdir(exist_ok=True)
@@ -147,11 +149,22 @@ def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
 
 
 def collect(out: Path) -> list[dict[str, Any]]:
-    """Write the table of all finished runs."""
+    """Write the table of all finished runs, which is returned, and that of their evaluations."""
     rows = table(out, problems(out))
-    if rows:
-        write_csv(out / TABLE, rows)
+    for name, found in ((TABLE, rows), (EVALUATIONS, evaluations(out, rows))):
+        if found:
+            write_csv(out / name, found)
     return rows
+
+
+def evaluations(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row for every evaluation of these runs, with what tells the run."""
+    found = []
+    for row in rows:
+        if row["arm"] != ZERO_ACTION:
+            with (out / CELLS / row["id"] / "run" / EVALUATIONS).open(newline="") as file:
+                found += [{name: row[name] for name in NAMES} | evaluation for evaluation in csv.DictReader(file)]
+    return found
 
 
 def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:

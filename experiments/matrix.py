@@ -2,7 +2,7 @@
 
 Every run is a folder `cells/<hash of its configuration>` with a run directory in it. The same command goes on after any
 interruption; folders of several machines are merged by copying them into one `cells`. `cells.csv` holds one row for every
-finished run.
+finished run, `evaluations.csv` one for each of their evaluations.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import torch
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
-from experiments.cells import CELL, ERROR, TABLE, collect, finished, folder, set_damaged_aside
+from experiments.cells import CELL, ERROR, TABLE, collect, finished, folder, problems, set_damaged_aside, table
 from experiments.cluster import check_address, ray_pool
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
@@ -79,10 +79,11 @@ def _run(options: argparse.Namespace) -> int:
     cells = load_cells(options.grid)
     if options.ray:
         check_address(options.ray)
-    for line in [] if options.dry_run else set_damaged_aside(options.out):
+    damaged = problems(options.out)
+    for line in [] if options.dry_run else set_damaged_aside(options.out, damaged):
         print(line, file=sys.stderr)
     todo = [cell for cell in cells if not finished(options.out, cell).exists()]
-    print(plan(cells, todo, options.out, options.workers), flush=True)
+    print(plan(cells, todo, table(options.out, damaged), options.workers), flush=True)
     if options.dry_run:
         return 0
     failed = run_all(todo, options.out, options.workers, options.ray)

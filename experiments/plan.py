@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import tempfile
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from experiments.arms import ZERO_ACTION
-from experiments.cells import problems, table
 from experiments.grid import Cell
 from transferkit.envs import episode_limit, make_env
 from transferkit.table import format_table
@@ -24,10 +24,10 @@ Kind = tuple[str, str]
 """Target and trainer, which a run's time depends on."""
 
 
-def plan(cells: Sequence[Cell], todo: Sequence[Cell], out: Path, workers: int) -> str:
-    """A line for every target and trainer, by finished runs or, where there are none, by a trial of a few seconds."""
+def plan(cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Mapping[str, Any]], workers: int) -> str:
+    """A line for every target and trainer, by rows of finished runs or, where there are none, by a trial of a few seconds."""
     known = defaultdict(list)
-    for row in table(out, problems(out)):
+    for row in done:
         known[row["target"], row["trainer"]].append(float(row["seconds"]))
     groups: dict[Kind, list[Cell]] = defaultdict(list)
     for cell in cells:

@@ -7,6 +7,7 @@ import time
 import pytest
 
 from experiments import matrix
+from experiments.cells import EVALUATIONS
 from experiments.grid_file import load_cells
 from transferkit.errors import TransferkitError
 
@@ -30,8 +31,8 @@ def grid(tmp_path):
     return write
 
 
-def results(out):
-    with (out / matrix.TABLE).open() as file:
+def results(out, table=matrix.TABLE):
+    with (out / table).open() as file:
         return [{name: value for name, value in row.items() if name != "seconds"} for row in csv.DictReader(file)]
 
 
@@ -104,6 +105,7 @@ def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
     again = start(path, tmp_path / "killed")
     assert again.wait(timeout=120) == 0, again.stderr.read()
     assert results(tmp_path / "killed") == results(tmp_path / "whole")
+    assert results(tmp_path / "killed", EVALUATIONS) == results(tmp_path / "whole", EVALUATIONS)
     assert len(results(tmp_path / "whole")) == 7
 
 

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 from experiments import matrix
-from experiments.cells import CELLS, SET_ASIDE, set_damaged_aside
+from experiments.cells import CELLS, SET_ASIDE, problems, set_damaged_aside
 from experiments.grid_file import load_cells
 from experiments.report.data import Arm, Group, load_matrix, running_mean
 from experiments.verdict import paired
@@ -101,7 +101,7 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
     matrix_of = load_matrix(root)
     assert len(matrix_of.rows) == 10 - 3
     assert len(matrix_of.damaged) == 3
-    lines = set_damaged_aside(root)
+    lines = set_damaged_aside(root, problems(root))
     assert len(lines) == 3
     assert len(list((root / SET_ASIDE).iterdir())) == 3
     todo = [c for c in load_cells(root / "grid.toml") if not matrix.finished(root, c).exists()]
