@@ -61,12 +61,16 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
 
     Raises:
         ArtifactError: the version exists, or a member is below the threshold.
-        ConfigError: a core cannot be made of a wrapped policy.
+        ConfigError: a core cannot be made of what the configuration trains.
     """
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch; leave out --core")
     if config.algo != "ppo" and config.dyna.predict == "state":
         raise ConfigError("the model of a core predicts changes; pass --dyna.predict change, or --preset default")
+    if config.stop_at is not None and config.stop_at < recipe.threshold:
+        raise ConfigError(
+            f"stop_at={config.stop_at:g} ends training below the threshold {recipe.threshold:g}; pass a higher --stop-at"
+        )
     folder = recipe.zoo / recipe.id
     if folder.exists():
         raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")

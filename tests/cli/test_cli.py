@@ -92,6 +92,8 @@ def test_pretrain_refuses_a_core_below_its_threshold_and_writes_a_good_one(capsy
     assert code == 2
     assert "refused" in err
     assert not (tmp_path / "zoo/small-v1").exists()
+    code, _, err = run(capsys, *command, "--threshold", "950", "--eval-every", "100", "--stop-at", "900")
+    assert (code, "below the threshold 950; pass a higher --stop-at" in err) == (2, True)
     line = run_json(capsys, *command, "--threshold", "1")
     assert line["id"] == "small-v1"
     assert "verify" not in run(capsys, "zoo", "verify", "zoo/small-v1", "--rollout")[2]
