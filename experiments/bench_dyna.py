@@ -11,6 +11,7 @@ import statistics
 import time
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import torch
@@ -137,14 +138,19 @@ def rollout() -> Callable[[], None]:
     return step
 
 
+def peer_network(**options: object) -> Any:  # noqa: ANN401 - of a package that may be missing
+    """mbrl-lib's ensemble of the size of ours."""
+    from mbrl.models import GaussianMLP  # type: ignore[import-not-found] # noqa: PLC0415
+
+    return GaussianMLP(OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, **options)
+
+
 def peer_rollout() -> Callable[[], None]:
     """The same number of steps of mbrl-lib's model, which asks one member for each, and none whether the episode ends."""
-    from mbrl.models import GaussianMLP, ModelEnv, OneDTransitionRewardModel  # type: ignore[import-not-found] # noqa: PLC0415
+    from mbrl.models import ModelEnv, OneDTransitionRewardModel  # type: ignore[import-not-found] # noqa: PLC0415
 
     ours = agent(layer_norm=False)
-    network = GaussianMLP(
-        OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, propagation_method="random_model"
-    )
+    network = peer_network(propagation_method="random_model")
     model = OneDTransitionRewardModel(network, target_is_delta=True, normalize=True, learned_rewards=True)
     never = lambda action, observation: torch.zeros(len(observation), 1, dtype=torch.bool)  # noqa: E731
     env = ModelEnv(make_env(ENV), model, never, generator=torch.Generator())
@@ -161,11 +167,7 @@ def peer_model_update() -> tuple[str, Callable[[], None]]:
     """One update of mbrl-lib's ensemble where it is installed, else of a plain loop over networks."""
     rows = torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + ACT), torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + 1)
     if importlib.util.find_spec("mbrl"):
-        from mbrl.models import GaussianMLP  # type: ignore[import-not-found] # noqa: PLC0415
-
-        ensemble = GaussianMLP(
-            OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, learn_logvar_bounds=False
-        )
+        ensemble = peer_network(learn_logvar_bounds=False)
         optimizer = torch.optim.Adam(ensemble.parameters())
         return "mbrl-lib", lambda: ensemble.update(rows[0], optimizer, rows[1])
     sizes = (OBS + ACT, WIDTH), (WIDTH, WIDTH), (WIDTH, 2 * (OBS + 1))
