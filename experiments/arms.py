@@ -53,8 +53,8 @@ def scratch_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Polic
 
 
 def random_core(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
-    """A core of the same architecture, freshly initialised."""
-    return transfer(config, core.randomized(config.seed))
+    """A core of the same architecture, freshly initialised; it explores as training from scratch does."""
+    return transfer(config, core.randomized(config.seed, init_std=config.ppo.init_std))
 
 
 def random_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
@@ -109,6 +109,9 @@ ARMS: dict[str, Arm] = {
 }
 WITHOUT_CORE: dict[str, Callable[[TrainConfig], tuple[TrainConfig, Policy]]] = {"scratch": scratch, "constant": constant}
 """The same for every core, so run once."""
+
+WITHOUT_MEMBER = (*WITHOUT_CORE, "scratch-matched")
+"""The same for every member of a core, so run once for all of them."""
 
 ZERO_ACTION = "zero-action"
 """Evaluated, not trained; the same for every trainer too."""

@@ -58,7 +58,7 @@ def problem(where: Path) -> str:
         if (run / RECORD).exists():
             read_json(run / RECORD)
         if (run / RESULT).exists():
-            return _result_problem(run, trained=cell["arm"] != ZERO_ACTION)
+            return _result_problem(run, trained=cell["arm"] != ZERO_ACTION) or _row_problem(where)
         if (run / CHECKPOINT).exists():
             load_state(run / CHECKPOINT)
     except (RunDirectoryError, OSError, ValueError, KeyError, TypeError) as error:
@@ -73,11 +73,20 @@ def _result_problem(run: Path, *, trained: bool) -> str:
             return f"{RESULT} says {name}={result[name]}"
     if trained and not (run / RECORD).exists():
         return f"{RECORD} is missing"
-    if trained and not len(columns(run, "evaluations")["return_mean"]):
-        return "evaluations.csv is empty"
-    if trained and len(columns(run, "episodes")["return"]) != result["episodes"]:
-        return f"episodes.csv has not the {result['episodes']} rows that {RESULT} counts"
+    if not trained:
+        return ""
+    if result["eval_return_mean"] not in columns(run, "evaluations")["return_mean"][-1:]:
+        return f"{EVALUATIONS} does not end with the evaluation that {RESULT} states"
+    returns = columns(run, "episodes")["return"]
+    if len(returns) != result["episodes"] or not np.isfinite(returns).all():
+        return f"episodes.csv has not the {result['episodes']} finite returns that {RESULT} counts"
     return ""
+
+
+def _row_problem(where: Path) -> str:
+    lacking = {*NAMES, "command"} - {*read_json(where / CELL)}
+    _row(where)
+    return f"{CELL} has no {min(lacking)}" if lacking else ""
 
 
 def set_damaged_aside(out: Path, damaged: Mapping[Path, str]) -> list[str]:
@@ -93,8 +102,8 @@ def set_damaged_aside(out: Path, damaged: Mapping[Path, str]) -> list[str]:
 
 
 def cell_folders(out: Path) -> list[Path]:
-    """Every cell that was ever started, in the order of its name; a start killed before its record is none."""
-    return sorted(path.parent for path in (out / CELLS).glob(f"*/{CELL}"))
+    """Every cell that was ever started, in the order of its name; a start killed before it wrote anything is none."""
+    return sorted({path.parent for name in (CELL, "run") for path in (out / CELLS).glob(f"*/{name}")})
 
 
 def problems(out: Path) -> dict[Path, str]:

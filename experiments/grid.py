@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, get_args
 
-from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
+from experiments.arms import ARMS, WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, Preset, TrainConfig, preset
 from transferkit.envs import environment_ids
@@ -120,7 +120,7 @@ class Grid:
                     core.network(member)
 
     def cells(self) -> list[Cell]:
-        """Every run once: arms without a core are not repeated for every core and member."""
+        """Every run once: arms without a core, or without a member, are not repeated for every one."""
         found: dict[str, Cell] = {}
         lists = self.cores, self.members, self.targets, self.trainer, self.arms, self.seeds
         for core, member, target, trainer, arm, seed in itertools.product(*lists):
@@ -132,8 +132,10 @@ class Grid:
             with _at("eval_every", "eval_episodes"):
                 config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
             cell = Cell(core, member, target, arm, trainer.name or trainer.algo, config)
+            if arm in WITHOUT_MEMBER:
+                cell = replace(cell, member=0, config=replace(config, member=0))
             if arm in WITHOUT_CORE:
-                cell = replace(cell, core="", member=0, config=replace(config, core=None, member=0))
+                cell = replace(cell, core="", config=replace(cell.config, core=None))
             if arm == ZERO_ACTION:
                 cell = Cell("", 0, target, arm, "", TrainConfig(target, eval_episodes=self.eval_episodes))
             found.setdefault(cell.id, cell)
@@ -157,11 +159,17 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
             raise GridError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key)
         fixed = tuple(value) if isinstance(value, list) else value
         with _at(name, key):
-            try:
-                config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
-            except TypeError:
-                raise ConfigError(f"set has {name}={value!r}, which is of the wrong type") from None
+            if not _fits(fixed, getattr(part, key)):
+                raise ConfigError(f"set has {name}={value!r}, which is of another type than {getattr(part, key)!r}")
+            config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
     return config
+
+
+def _fits(value: object, default: object) -> bool:
+    """Whether a value can stand for a field's default; what can be None is a number."""
+    if default is None or isinstance(default, float):
+        return type(value) in (int, float)
+    return isinstance(value, Mapping) if isinstance(default, Mapping) else type(value) is type(default)
 
 
 def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any collection of names or numbers

@@ -3,10 +3,10 @@
 ```toml
 episodes = 200                       # and/or steps, seconds; as in every budget
 cores = ["inverted-pendulum-v1"]
-members = [0, 1]                     # source seeds of each core, crossed with the seeds
+members = "0-1"                      # source seeds of each core, crossed with the seeds
 targets = ["InvertedDoublePendulum-v5"]
 arms = ["transfer", "scratch", "random"]
-seeds = "0-9"                        # or a list
+seeds = "0-9"                        # or a list, as members
 eval_every = 500
 
 [[trainer]]
@@ -25,7 +25,8 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeGuard
@@ -34,8 +35,8 @@ from experiments.grid import Cell, Grid, GridError, Trainer, check_names
 from transferkit.errors import ConfigError
 
 WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
-ITEMS = {"cores": str, "targets": str, "arms": str, "members": int, "trainer": dict}
-KINDS = {str: "names", int: "whole numbers", dict: "tables"}
+ITEMS = {"cores": str, "targets": str, "arms": str, "trainer": dict}
+KINDS = {str: "names", dict: "tables, each written as [[trainer]]"}
 
 
 def load_cells(path: Path) -> list[Cell]:
@@ -47,19 +48,28 @@ def load_cells(path: Path) -> list[Cell]:
     try:
         text = path.read_text()
         data = tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigError(f"{path} does not exist; grids lie in experiments/grids") from None
-    except tomllib.TOMLDecodeError as error:
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read ({error.strerror}); grids lie in experiments/grids") from None
+    except ValueError as error:
         raise ConfigError(f"{path} is no TOML: {error}") from None
     parts, cells = data.pop("part", [{}]), {}
-    if not _is_list_of(dict, parts):
+    if not parts or not _is_list_of(dict, parts):
         raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
     for k, part in enumerate(parts):
         try:
             cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
         except GridError as error:
             raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
+    _check_distinct_names(path, cells.values())
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
+
+
+def _check_distinct_names(path: Path, cells: Iterable[Cell]) -> None:
+    """A table could not tell runs of one name and several settings."""
+    for row, count in Counter(tuple(cell.row.items()) for cell in cells).items():
+        if count > 1:
+            what = ", ".join(f"{name} {value}" for name, value in row if value != "")
+            raise ConfigError(f"{path} has {count} settings of {what}; give each its own name in [[trainer]]")
 
 
 def _line(text: str, part: int, where: list[str]) -> str:
@@ -80,7 +90,9 @@ def _grid(data: dict[str, Any]) -> Grid:
     for name in ("cores", "targets", "arms", "seeds", *data):
         if data.get(name) in (None, [], ""):
             raise GridError(f"the grid has no {name}; give a list", name)
-    data["seeds"] = _seeds(data["seeds"])
+    for name in ("seeds", "members"):
+        if name in data:
+            data[name] = _numbers(name, data[name])
     _check_types(data)
     for trainer in data.get("trainer", []):
         check_names("key of a trainer", trainer, [f.name for f in fields(Trainer)])
@@ -91,12 +103,12 @@ def _grid(data: dict[str, Any]) -> Grid:
     return Grid(**{name: tuple(value) if isinstance(value, list) else value for name, value in data.items()})
 
 
-def _seeds(value: object) -> list[int]:
-    if _is_list_of(int, value):
+def _numbers(name: str, value: object) -> list[int]:
+    if _is_list_of(int, value) and all(number >= 0 for number in value):
         return value
     first, dash, last = str(value).partition("-")
     if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
-        raise GridError(f'seeds={value!r} must be a list of whole numbers, or "0-9"', "seeds")
+        raise GridError(f'{name}={value!r} must be a list of whole numbers from 0, or "0-9"', name)
     return list(range(int(first), int(last) + 1))
 
 

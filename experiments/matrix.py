@@ -12,7 +12,7 @@ import os
 import shlex
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
@@ -23,7 +23,7 @@ from typing import Any
 import torch
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
-from experiments.cells import CELL, ERROR, TABLE, collect, finished, folder, problems, set_damaged_aside, table
+from experiments.cells import CELL, CELLS, ERROR, TABLE, collect, finished, folder, problems, set_damaged_aside, table
 from experiments.cluster import check_address, ray_pool
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
@@ -80,8 +80,8 @@ def _run(options: argparse.Namespace) -> int:
     if options.ray:
         check_address(options.ray)
     damaged = problems(options.out)
-    for line in [] if options.dry_run else set_damaged_aside(options.out, damaged):
-        print(line, file=sys.stderr)
+    if not options.dry_run:
+        tidy(options.out, cells, damaged)
     todo = [cell for cell in cells if not finished(options.out, cell).exists()]
     print(plan(cells, todo, table(options.out, damaged), options.workers), flush=True)
     if options.dry_run:
@@ -90,16 +90,30 @@ def _run(options: argparse.Namespace) -> int:
     rows = collect(options.out)
     print(f"{len(rows)} finished runs in {options.out / TABLE}")
     for outcome in failed:
-        print(f"failed: {outcome.cell.row}: {outcome.error}", file=sys.stderr)
+        print(f"failed: {describe(outcome, options.out)}", file=sys.stderr)
     if failed:
         print(f"{len(failed)} of {len(cells)} runs failed; the same command tries them again", file=sys.stderr)
     return 1 if failed else 0
 
 
+def tidy(out: Path, cells: Sequence[Cell], damaged: Mapping[Path, str]) -> None:
+    """Make the folder, move what is damaged aside, and give known cells the names that the grid has for them now."""
+    try:
+        (out / CELLS).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{out} cannot be written ({error.strerror}); pass another --out DIR") from None
+    for line in set_damaged_aside(out, damaged):
+        print(line, file=sys.stderr)
+    for cell in cells:
+        path = folder(out, cell) / CELL
+        if path.exists() and (known := read_json(path)) != (named := {**known, **cell.row}):
+            write_json(path, named)
+
+
 def run_all(cells: Sequence[Cell], out: Path, workers: int, ray: str | None = None) -> list[Outcome]:
     """Run cells in processes of their own, here or on a Ray cluster; returns those that failed."""
     started, failed = time.monotonic(), []
-    job = partial(run_cell, out=out.absolute(), command=shlex.join(sys.argv))
+    job = partial(run_cell, out=out.absolute(), command=shlex.join(("python", "-m", "experiments.matrix", *sys.argv[1:])))
     with worker_pool(workers) if ray is None else ray_pool(ray, out) as pool:
         waiting = {pool.submit(job, cell): cell for cell in cells}
         for done, future in enumerate(as_completed(waiting), 1):
@@ -164,7 +178,8 @@ def evaluate_nothing(cell: Cell) -> dict[str, Any]:
 def describe(outcome: Outcome, out: Path) -> str:
     """One line about a cell that ended."""
     row = outcome.cell.row
-    name = f"{row['arm']} {row['core']} {row['target']} {row['trainer']} seed {row['seed']}"
+    member = f" member {row['member']}" if row["core"] else ""
+    name = " ".join(filter(None, (row["arm"], row["core"] + member, row["target"], row["trainer"], f"seed {row['seed']}")))
     if outcome.error:
         return f"{name} FAILED: {outcome.error}"
     return f"{name}: {read_json(finished(out, outcome.cell))['eval_return_mean']:.1f}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +18,7 @@ CONTROLS = ("random", "random-matched", "shuffled")
 POSITIVE, NEGATIVE, NONE = "transfer", "negative transfer", "no evidence"
 
 Scores = NDArray[np.float64]
-"""`(members, seeds)`, NaN where a run is missing or failed; one row for an arm without a core."""
+"""`(members, seeds)`, NaN where a run is missing; one row for an arm without a core."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Verdict:
     reason: str
     """In words, a sentence."""
     controls: Mapping[str, Difference] = field(default_factory=dict)
-    """Transfer minus each control, with intervals that hold for all of them together."""
+    """Transfer minus each control, with the intervals of Holm's test."""
     scratch: Difference | None = None
     """Transfer minus scratch."""
 
@@ -44,13 +44,8 @@ def judge(scores: Mapping[str, Scores]) -> Verdict:
     """
     if TRANSFER not in scores:
         return Verdict(NONE, "The core was not run.")
-    scratch = _difference(scores, SCRATCH)
-    present = [name for name in CONTROLS if name in scores]
-    usable = paired(scores, (TRANSFER, *present))
-    if usable[TRANSFER].shape[1] < 2:
-        return Verdict(NONE, "Fewer than two seeds have all arms.", scratch=scratch)
-    controls = stats.holm_differences(usable[TRANSFER], {name: usable[name] for name in present}) if present else {}
-    kind, reason = _decide(controls, scratch)
+    controls, scratch = _differences(scores), _difference(scores, SCRATCH)
+    kind, reason = _decide(controls, scratch, [name for name in (*CONTROLS, SCRATCH) if name not in scores])
     return Verdict(kind, reason, controls, scratch)
 
 
@@ -60,6 +55,14 @@ def paired(scores: Mapping[str, Scores], arms: tuple[str, ...]) -> dict[str, Sco
     return {arm: scores[arm][:, complete] for arm in arms}
 
 
+def _differences(scores: Mapping[str, Scores]) -> dict[str, Difference]:
+    present = [name for name in CONTROLS if name in scores]
+    usable = paired(scores, (TRANSFER, *present))
+    if not present or usable[TRANSFER].shape[1] < 2:
+        return {}
+    return stats.holm_differences(usable[TRANSFER], {name: usable[name] for name in present})
+
+
 def _difference(scores: Mapping[str, Scores], arm: str) -> Difference | None:
     if arm not in scores:
         return None
@@ -67,10 +70,9 @@ def _difference(scores: Mapping[str, Scores], arm: str) -> Difference | None:
     return stats.paired_difference(usable[TRANSFER], usable[arm]) if usable[arm].shape[1] >= 2 else None
 
 
-def _decide(controls: Mapping[str, Difference], scratch: Difference | None) -> tuple[str, str]:
+def _decide(controls: Mapping[str, Difference], scratch: Difference | None, lacking: Sequence[str]) -> tuple[str, str]:
     if scratch is not None and scratch.high < 0:
         return NEGATIVE, f"The core ends below training from scratch, by {-scratch.mean:.4g} ({_interval(scratch)})."
-    lacking = [name for name in (*CONTROLS, SCRATCH) if name not in controls and (name != SCRATCH or scratch is None)]
     not_beaten = [name for name, difference in controls.items() if difference.low <= 0]
     if not_beaten:
         worst = min(not_beaten, key=lambda name: controls[name].low)
@@ -79,7 +81,8 @@ def _decide(controls: Mapping[str, Difference], scratch: Difference | None) -> t
         return NONE, f"The core is not clearly better than {names} ({amount})."
     if lacking:
         return NONE, f"A claim of transfer needs the arms {', '.join(lacking)}, which were not run."
-    assert scratch is not None
+    if not controls or scratch is None:
+        return NONE, "Fewer than two seeds have all arms."
     against = f"against scratch {scratch.mean:+.4g}, {_interval(scratch)}"
     if scratch.mean < 0:
         return NONE, f"The core beats every control, but is not above training from scratch ({against})."

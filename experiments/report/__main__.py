@@ -11,8 +11,8 @@ from experiments.cells import write_csv
 from experiments.report.data import load_matrix
 from experiments.report.page import write_page
 from experiments.report.pictures import draw_all
-from experiments.report.tables import arm_rows, curve_rows, reproduction_rows, verdict_rows
-from transferkit.errors import TransferkitError
+from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows, verdict_rows
+from transferkit.errors import RunDirectoryError, TransferkitError
 
 
 def main() -> int:
@@ -32,6 +32,8 @@ def main() -> int:
 def report(results: Path, out: Path) -> None:
     """Write everything, and say what was written."""
     started = time.monotonic()
+    if out.is_dir():
+        raise RunDirectoryError(f"{out} is a folder; pass a file, as --out {out / 'report.html'}")
     matrix = load_matrix(results)
     folder = out.with_name(f"{out.stem}_files")
     pictures = draw_all(matrix, folder)
@@ -39,6 +41,7 @@ def report(results: Path, out: Path) -> None:
         "runs": [{name: value for name, value in row.items() if name != "label"} for row in matrix.rows],
         "arms": [row for group in matrix.groups for row in arm_rows(group)],
         "verdicts": verdict_rows(matrix),
+        "aggregates": aggregate_rows(matrix),
         "curves": [row for group in matrix.groups for row in curve_rows(group)],
         "paper_measures": reproduction_rows(matrix),
     }

@@ -1,94 +1,24 @@
-"""A matrix of runs in memory: scores and learning curves of every arm, by target, trainer and core."""
+"""A matrix of runs in memory: the arms of every comparison, by target, trainer and core."""
 
 from __future__ import annotations
 
 import functools
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.cells import CELL, CELLS, columns, failures, problems, table
+from experiments.arms import WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
+from experiments.cells import CELL, CELLS, VERSIONS, failures, problems, table
 from experiments.references import best
+from experiments.report.runs import Arm, Array
 from experiments.verdict import TRANSFER, Verdict, judge
 from transferkit import stats
 from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import RECORD, read_json
-
-POINTS = 80
-"""Of a learning curve in the page."""
-
-RESAMPLES = 200
-"""For the intervals of a curve, which are drawn and not read off."""
-
-WINDOWS = {"50-episode mean": 50, "each episode": 1}
-"""The paper's smoothing, and none."""
-
-EVALUATIONS = "evaluations"
-AXES = ("episodes", "steps")
-
-Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Interquartile mean over runs with its pointwise 95 % interval, up to where the first of them ends; each `(points,)`."""
-
-    x: Array
-    iqm: Array
-    low: Array
-    high: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Arm:
-    """All runs of an arm on one target under one trainer."""
-
-    name: str
-    rows: Sequence[Mapping[str, Any]]
-    root: Path
-
-    @property
-    def returns(self) -> Array:
-        """Final evaluation of every run."""
-        return np.array([row["eval_return_mean"] for row in self.rows], float)
-
-    @functools.cached_property
-    def episodes(self) -> list[dict[str, Array]]:
-        """For every trained run its training returns and the environment steps at the end of each episode."""
-        tables = [columns(self._run(row), "episodes") for row in self.rows if row["episodes"]]
-        return [{"returns": t["return"], "episodes": t["episode"], "steps": t["steps"]} for t in tables]
-
-    @functools.cached_property
-    def evaluations(self) -> list[dict[str, Array]]:
-        """For every run that was evaluated more than once, those evaluations."""
-        tables = [columns(self._run(row), EVALUATIONS) for row in self.rows if row["steps"]]
-        return [
-            {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]} for t in tables if len(t["steps"]) > 1
-        ]
-
-    @functools.cache  # noqa: B019 - arms live as long as the report
-    def curve(self, kind: str, axis: str) -> Curve | None:
-        """Training returns smoothed over a window, or evaluations, on the axis of episodes or of environment steps."""
-        runs = self.evaluations if kind == EVALUATIONS else self.episodes
-        if not runs:
-            return None
-        smoothed = [
-            (run[axis], run["returns"] if kind == EVALUATIONS else running_mean(run["returns"], WINDOWS[kind])) for run in runs
-        ]
-        x = np.linspace(max(xs[0] for xs, _ in smoothed), min(xs[-1] for xs, _ in smoothed), POINTS)
-        values = np.array([np.interp(x, xs, ys) for xs, ys in smoothed])
-        resampled = values[np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))]
-        low, high = np.quantile(stats.iqm(resampled, axis=1), [0.025, 0.975], axis=0)
-        return Curve(x, stats.iqm(values, axis=0), low, high)
-
-    def _run(self, row: Mapping[str, Any]) -> Path:
-        return self.root / CELLS / row["id"] / "run"
+from transferkit.run.directory import read_json
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,40 +29,75 @@ class Group:
     trainer: str
     core: str
     arms: Mapping[str, Arm]
-    low: float
-    """Return of the zero action, or 0 where it was not evaluated."""
-    high: float
+    low: float | None
+    """Return of the zero action, where it was evaluated."""
+    high: float | None
+    """Upper reference, where it is known and above the lower one."""
     high_source: str
 
     @functools.cached_property
     def scores(self) -> dict[str, Array]:
-        """Final evaluations `(members, seeds)` of every trained arm over the seeds of all, NaN where a run is missing."""
-        return {name: self.grid(name, "eval_return_mean") for name in self.arms if name != ZERO_ACTION}
+        """Final evaluations `(members, seeds)` of every trained arm over the seeds of all, NaN where a run is missing.
+
+        A run that failed counts as the worst run of the comparison.
+        """
+        trained = {name: arm for name, arm in self.arms.items() if name != ZERO_ACTION}
+        scores = {name: self.grid(name, "eval_return_mean") for name in trained}
+        worst = min(np.nanmin(values, initial=np.inf) for values in scores.values())
+        for name, arm in trained.items():
+            for row in arm.failed:
+                scores[name][self._place(name, row)] = worst
+        return scores
 
     def grid(self, name: str, measure: str) -> Array:
-        """A measure of an arm's runs, as `scores` has it."""
-        rows = [row for arm, found in self.arms.items() if arm != ZERO_ACTION for row in found.rows]
-        seeds = sorted({row["seed"] for row in rows})
-        members = [0] if name in WITHOUT_CORE else sorted({row["member"] for row in rows if row["core"]})
-        values = np.full((len(members), len(seeds)), np.nan)
+        """A measure of an arm's runs, as `scores` has it, NaN for failed ones too."""
+        values = np.full((len(self._members(name)), len(self._seeds)), np.nan)
         for row in self.arms[name].rows:
-            values[members.index(row["member"]), seeds.index(row["seed"])] = row[measure]
+            values[self._place(name, row)] = np.nan if row[measure] == "" else row[measure]
         return values
 
     @functools.cached_property
     def verdict(self) -> Verdict:
         """What the comparison shows."""
-        return judge(self.scores)
+        found = judge(self.scores)
+        failed = ", ".join(f"{name} {len(arm.failed)}" for name, arm in self.arms.items() if arm.failed)
+        note = f" Failed runs, which count as the worst run of the comparison: {failed}." if failed else ""
+        return replace(found, reason=found.reason + note)
+
+    @property
+    def scaled(self) -> bool:
+        """Whether there are two references to normalise by."""
+        return self.low is not None and self.high is not None
 
     @property
     def normalized_difference(self) -> float | None:
         """Transfer minus scratch, as a share of what lies between the references."""
         difference = self.verdict.scratch
-        return None if difference is None else difference.mean / (self.high - self.low)
+        if difference is None or self.low is None or self.high is None:
+            return None
+        return difference.mean / (self.high - self.low)
 
     def normalized(self, returns: Array) -> Array:
         """Returns on the scale from zero action (0) to the upper reference (1)."""
+        assert self.low is not None
+        assert self.high is not None
         return stats.normalized(returns, self.low, self.high)
+
+    @functools.cached_property
+    def _runs(self) -> list[Mapping[str, Any]]:
+        return [row for name, arm in self.arms.items() if name != ZERO_ACTION for row in (*arm.rows, *arm.failed)]
+
+    @functools.cached_property
+    def _seeds(self) -> list[int]:
+        return sorted({row["seed"] for row in self._runs})
+
+    def _members(self, name: str) -> list[int]:
+        return (
+            [0] if name in WITHOUT_MEMBER else sorted({row["member"] for row in self._runs if row["arm"] not in WITHOUT_MEMBER})
+        )
+
+    def _place(self, name: str, row: Mapping[str, Any]) -> tuple[int, int]:
+        return self._members(name).index(row["member"]), self._seeds.index(row["seed"])
 
 
 @dataclass(frozen=True)
@@ -144,7 +109,8 @@ class Matrix:
     failed: Sequence[tuple[Mapping[str, Any], str]]
     damaged: Sequence[str]
     commands: Sequence[str]
-    versions: Mapping[str, str]
+    versions: Sequence[str]
+    """Every set of versions and commit that runs were made with."""
 
 
 def load_matrix(root: Path) -> Matrix:
@@ -156,21 +122,24 @@ def load_matrix(root: Path) -> Matrix:
     damaged = problems(root)
     rows = table(root, damaged)
     if not rows:
+        failed = [error for _, error in failures(root)]
         raise RunDirectoryError(
-            f"{root} holds no finished run; make some with `python -m experiments.matrix GRID --out {root}`"
+            f"{root} holds no finished run"
+            + (f" and {len(failed)} failed ones ({failed[0]})" if failed else "")
+            + f"; make some with `python -m experiments.matrix GRID --out {root}`"
         )
     labelled = [{**row, "label": label(row)} for row in rows]
     _check_single(labelled, root)
+    failed = list(failures(root))
     commands = sorted({read_json(root / CELLS / row["id"] / CELL)["command"] for row in rows})
-    first = next((row for row in rows if row["arm"] != ZERO_ACTION), None)
-    versions = read_json(root / CELLS / first["id"] / "run" / RECORD)["versions"] if first else {}
+    made_by = {tuple(f"{name} {row[name]}" for name in (*VERSIONS, "commit")) for row in rows if row["arm"] != ZERO_ACTION}
     return Matrix(
         labelled,
-        _groups(labelled, root),
-        list(failures(root)),
+        _groups(labelled, [{**cell, "label": label(cell)} for cell, _ in failed], root),
+        failed,
         [f"{where.name}: {what}" for where, what in damaged.items()],
         commands,
-        versions,
+        [", ".join(names) for names in sorted(made_by)],
     )
 
 
@@ -179,28 +148,22 @@ def label(row: Mapping[str, Any]) -> str:
     return row["trainer"] if row["preset"] == "default" else f"{row['trainer']} ({row['preset']} preset)"
 
 
-def running_mean(values: Array, window: int) -> Array:
-    """Mean of the last `window` values up to each one; of fewer at the start."""
-    sums = np.cumsum(np.insert(values, 0, 0.0))
-    ends = np.arange(1, len(values) + 1)
-    starts = np.maximum(ends - window, 0)
-    return (sums[ends] - sums[starts]) / (ends - starts)
-
-
-def _groups(rows: Sequence[Mapping[str, Any]], root: Path) -> list[Group]:
+def _groups(rows: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]], root: Path) -> list[Group]:
     groups = []
     trained = [row for row in rows if row["arm"] != ZERO_ACTION]
     for target, trainer in sorted({(row["target"], row["label"]) for row in trained}):
         here = [row for row in trained if (row["target"], row["label"]) == (target, trainer)]
         idle = [row for row in rows if row["arm"] == ZERO_ACTION and row["target"] == target]
         cores = sorted({row["core"] for row in here if row["core"]}) or [""]
-        low = idle[0]["eval_return_mean"] if idle else 0.0
-        seen = max(row["eval_return_mean"] for row in rows if row["target"] == target)
-        high, source = best(target, seen if seen > low else low + 1.0)
+        low = idle[0]["eval_return_mean"] if idle else None
+        high, source = best(target, max(row["eval_return_mean"] for row in rows if row["target"] == target))
+        high = high if low is not None and high > low else None
+        lost = [row for row in failed if (row["target"], row["label"]) == (target, trainer)]
         for core in cores:
-            own = [row for row in here if row["core"] in ("", core)] + idle
-            names = sorted({row["arm"] for row in own}, key=_rank)
-            arms = {name: Arm(name, [row for row in own if row["arm"] == name], root) for name in names}
+            own, own_lost = ([row for row in found if row["core"] in ("", core)] for found in (here + idle, lost))
+            names = sorted({row["arm"] for row in (*own, *own_lost)}, key=_rank)
+            of_arm = lambda found, name: [row for row in found if row["arm"] == name]  # noqa: E731
+            arms = {name: Arm(name, of_arm(own, name), root, of_arm(own_lost, name)) for name in names}
             groups.append(Group(target, trainer, core, arms, low, high, source))
     return groups
 
@@ -210,11 +173,18 @@ def _rank(arm: str) -> tuple[int, str]:
 
 
 def _check_single(rows: Sequence[Mapping[str, Any]], root: Path) -> None:
+    """Refuse what one name would stand for twice: runs with different settings, and arms with different budgets."""
+    fix = "give each a trainer name of its own, or report them from folders of their own"
+    budgets: dict[tuple[str, str], set[tuple[float | None, ...]]] = {}
+    for row in rows:
+        if row["arm"] != ZERO_ACTION:
+            bounds = tuple(row[f"budget_{unit}"] for unit in ("episodes", "steps", "seconds"))
+            budgets.setdefault((row["target"], row["label"]), set()).add(bounds)
+    for (target, trainer), found in budgets.items():
+        if len(found) > 1:
+            raise RunDirectoryError(f"{root} holds runs of {trainer} on {target} with {len(found)} budgets; {fix}")
     names = ("target", "label", "core", "arm", "member", "seed")
     for key, count in Counter(tuple(row[name] for name in names) for row in rows).items():
         if count > 1:
             what = ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True) if value != "")
-            raise RunDirectoryError(
-                f"{root} holds {count} runs of {what}, with different settings; give each setting a trainer name of its own, "
-                "or report them from folders of their own"
-            )
+            raise RunDirectoryError(f"{root} holds {count} runs of {what}, with different settings; {fix}")

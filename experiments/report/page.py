@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ import jinja2
 from plotly.offline import get_plotlyjs
 
 from experiments.arms import ZERO_ACTION
-from experiments.report.data import AXES, EVALUATIONS, WINDOWS, Arm, Group, Matrix
-from experiments.report.tables import arm_rows, curve_rows, reproduction_rows
+from experiments.report.data import Group, Matrix
+from experiments.report.runs import AXES, EVALUATIONS, WINDOWS, Arm
+from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows
 from experiments.verdict import NEGATIVE, NONE, POSITIVE
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
@@ -35,6 +36,7 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
         id=id,
         arm_rows=arm_rows,
         curve_rows=curve_rows,
+        aggregates=aggregate_rows(matrix),
         reproduction=reproduction_rows(matrix),
         heat=[heat_map(matrix, trainer, ids) for trainer in dict.fromkeys(group.trainer for group in matrix.groups)],
         cells={ids[id(group)]: cell_data(group, curves) for group in matrix.groups},
@@ -58,7 +60,7 @@ def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any
         "trainer": trainer,
         "x": targets,
         "y": cores,
-        "z": [[group and group.normalized_difference for group in row] for row in grid],
+        "z": [[group and (group.normalized_difference or 0.0) for group in row] for row in grid],
         "text": [["" if group is None else _heat_text(group) for group in row] for row in grid],
         "words": [["" if group is None else group.verdict.kind for group in row] for row in grid],
         "cells": [[group and ids[id(group)] for group in row] for row in grid],
@@ -83,7 +85,7 @@ def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:
             )
         seeds = [[f"member {row['member']}, seed {row['seed']}", _short(row["eval_return_mean"])] for row in arm.rows]
         arms.append({"name": name, "curve": key, "seeds": seeds})
-    return {"arms": arms, "low": _short(group.low)}
+    return {"arms": arms}
 
 
 def _curve(arm: Arm, kind: str, axis: str) -> list[list[float]] | None:
@@ -93,20 +95,22 @@ def _curve(arm: Arm, kind: str, axis: str) -> list[list[float]] | None:
     )
 
 
-def budget(row: dict[str, Any]) -> str:
+def budget(row: Mapping[str, Any]) -> str:
     """What a run may spend."""
     bounds = [f"{row[f'budget_{name}']} {name}" for name in ("episodes", "steps", "seconds") if row[f"budget_{name}"]]
-    return f"{row['target']}, {row['label']}: {' and '.join(bounds)}"
+    return f"{row['target']}, {row['label']}: {' and '.join(bounds)}, then {row['eval_episodes']} episodes of evaluation"
 
 
-def number(value: object) -> str:
+def number(value: object, infinite: str = "∞") -> str:
     """A number of a table; empty for what is not there."""
     if value is None or value == "":
         return ""
     if not isinstance(value, int | float):
         return str(value)
     if math.isinf(value):
-        return "never"
+        return infinite
+    if math.isnan(value):
+        return "neither"
     return str(value) if isinstance(value, int) else f"{value:.4g}" if abs(value) < 10_000 else f"{value:,.0f}"
 
 

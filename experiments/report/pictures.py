@@ -10,9 +10,10 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from experiments.arms import ZERO_ACTION
-from experiments.report.data import Arm, Group, Matrix
-from experiments.verdict import SCRATCH, TRANSFER
+from experiments.arms import WITHOUT_CORE, ZERO_ACTION
+from experiments.report.data import Group, Matrix
+from experiments.report.runs import Arm
+from experiments.verdict import TRANSFER
 from transferkit import stats
 from transferkit.pictures import COLOURS
 
@@ -38,7 +39,9 @@ def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
         model_free = [group for group in groups if "dyna" not in group.trainer]
         if model_free and len(model_free) < len(groups):
             drawn.append(_save(_learning_curves(target, model_free), folder / f"curves_{_slug(target)}_without_dyna"))
-    drawn.append(_save(_profiles(matrix.groups), folder / "profiles"))
+    scaled = [group for group in matrix.groups if group.scaled]
+    if scaled:
+        drawn.append(_save(_profiles(scaled), folder / "profiles"))
     return drawn
 
 
@@ -49,10 +52,8 @@ def lines_of(groups: Sequence[Group]) -> dict[str, Arm]:
         for name, arm in group.arms.items():
             if name == ZERO_ACTION:
                 continue
-            if name == SCRATCH:
-                found[group.trainer] = arm
-            else:
-                found[f"{group.trainer}, {group.core}" + ("" if name == TRANSFER else f", {name}")] = arm
+            names = group.trainer, "" if name in WITHOUT_CORE else group.core, "" if name == TRANSFER else name
+            found[", ".join(filter(None, names))] = arm
     return found
 
 
@@ -67,7 +68,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN4
                 continue
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[k // len(COLOURS) % len(DASHES)]
-            axis.plot(curve.x, curve.iqm, style, color=colour, label=f"{label} (n {len(arm.episodes)})")
+            axis.plot(curve.x, curve.iqm, style, color=colour, label=f"{label} (n {curve.n})")
             axis.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, linewidth=0)
         if ZERO_ACTION in groups[0].arms:
             axis.axhline(groups[0].low, color="grey", linestyle="-.", linewidth=1, label="zero action")
@@ -82,16 +83,16 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN4
 def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401
     """Share of runs above every normalised score, for each trainer and arm over all its targets and cores."""
     figure, axis = plt.subplots(figsize=(8, 4.5))
-    scores: dict[tuple[str, str], dict[str, list[float]]] = {}
+    scores: dict[tuple[str, str], dict[tuple[str, str], Any]] = {}
     for group in groups:
-        for name, arm in group.arms.items():
-            if name != ZERO_ACTION:
-                own = dict(zip([row["id"] for row in arm.rows], group.normalized(arm.returns), strict=True))
-                scores.setdefault((group.trainer, name), {}).update(own)
+        for name, values in group.scores.items():
+            task = group.target, "" if name in WITHOUT_CORE else group.core
+            scores.setdefault((group.trainer, name), {})[task] = group.normalized(values[np.isfinite(values)])
     for k, ((trainer, name), found) in enumerate(scores.items()):
-        profile = stats.performance_profile(list(found.values()), PROFILE_POINTS)
+        runs = np.concatenate(list(found.values()))
+        profile = stats.performance_profile(runs, PROFILE_POINTS)
         style = DASHES[k // len(COLOURS) % len(DASHES)]
-        axis.plot(PROFILE_POINTS, profile, style, color=COLOURS[k % len(COLOURS)], label=f"{trainer}, {name} (n {len(found)})")
+        axis.plot(PROFILE_POINTS, profile, style, color=COLOURS[k % len(COLOURS)], label=f"{trainer}, {name} (n {len(runs)})")
     axis.set_xlabel("normalised score: 0 zero action, 1 the target's upper reference")
     axis.set_ylabel("share of runs above it")
     _legend_below(figure, axis)

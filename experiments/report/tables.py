@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from experiments.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.report.data import Arm, Array, Group, Matrix
+from experiments.report.data import Group, Matrix
+from experiments.report.runs import Arm, Array, Key
 from experiments.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
 from transferkit.zoo.card import read_card
@@ -17,6 +18,9 @@ from transferkit.zoo.catalog import find_core
 
 HALFWAY = 0.5
 """The threshold of time to threshold, on the scale from zero action (0) to the upper reference (1)."""
+
+MEANS = {"all": "all_mean", "seconds": "seconds", "steps": "steps"}
+"""Columns of the paper's measures that are plain means."""
 
 
 @functools.cache
@@ -26,18 +30,20 @@ def arm_rows(group: Group) -> list[dict[str, Any]]:
 
 
 def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
-    low, high = _mean_interval(group, arm.name, "eval_return_mean")
+    values = arm.returns[None] if arm.name == ZERO_ACTION else complete(group.scores[arm.name])
+    low, high = _mean_interval(values)
     row = {
         "target": group.target,
         "trainer": group.trainer,
         "core": group.core,
         "arm": arm.name,
-        "n": len(arm.returns),
-        "iqm": stats.iqm(arm.returns),
-        "mean": float(arm.returns.mean()),
+        "n": values.size,
+        "failed": len(arm.failed),
+        "iqm": stats.iqm(values) if values.size else None,
+        "mean": float(values.mean()) if values.size else None,
         "mean_low": low,
         "mean_high": high,
-        "normalized": float(group.normalized(arm.returns).mean()),
+        "normalized": float(group.normalized(values).mean()) if group.scaled and values.size else None,
         "difference": None,
         "difference_low": None,
         "difference_high": None,
@@ -47,14 +53,14 @@ def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
     return row | (_against(group, arm.name) if arm.name not in (TRANSFER, ZERO_ACTION) and TRANSFER in group.scores else {})
 
 
-def _mean_interval(group: Group, name: str, measure: str) -> tuple[float, float]:
-    """Of the mean over members and seeds, both resampled; over the seeds that every member has."""
-    if name == ZERO_ACTION:
-        value = group.arms[name].rows[0][measure]
-        return value, value
-    values = group.grid(name, measure)
-    complete = values[:, np.isfinite(values).all(axis=0)]
-    return stats.crossed_interval(complete) if complete.size else (float("nan"), float("nan"))
+def complete(values: Array) -> Array:
+    """Of values `(members, seeds)` the seeds that every member has."""
+    return values[:, np.isfinite(values).all(axis=0)]
+
+
+def _mean_interval(values: Array) -> tuple[float | None, float | None]:
+    """Of the mean over members and seeds, both a sample; one run has none."""
+    return stats.crossed_interval(values) if values.size > 1 else (None, None)
 
 
 def _against(group: Group, arm: str) -> dict[str, float]:
@@ -75,33 +81,38 @@ def _against(group: Group, arm: str) -> dict[str, float]:
 
 @functools.cache
 def curve_rows(group: Group) -> list[dict[str, Any]]:
-    """Taylor and Stone's measures of transfer and scratch by their evaluations; empty without evaluations during training."""
+    """Taylor and Stone's measures of transfer and scratch; empty without evaluations during training, or without references."""
     arms = {name: group.arms[name].evaluations for name in (TRANSFER, SCRATCH) if name in group.arms}
-    if len(arms) < 2 or not all(arms.values()):
+    if len(arms) < 2 or not all(arms.values()) or group.low is None or group.high is None:
         return []
     threshold = group.low + HALFWAY * (group.high - group.low)
     reached = {
-        name: [stats.steps_to_threshold(run["steps"], run["returns"], threshold) for run in runs] for name, runs in arms.items()
+        name: [stats.steps_to_threshold(run["steps"], run["returns"], threshold) for run in runs.values()]
+        for name, runs in arms.items()
     }
-    efficiency = {
+    horizon = min(run["steps"][-1] for runs in arms.values() for run in runs.values())
+    starts = {name: float(np.mean([run["returns"][0] for run in runs.values()])) for name, runs in arms.items()}
+    compared = {
+        "jumpstart": stats.jumpstart([starts[TRANSFER]], [starts[SCRATCH]]),
         "data_efficiency": stats.data_efficiency(reached[SCRATCH], reached[TRANSFER]),
         "data_efficiency_total": stats.data_efficiency(reached[SCRATCH], reached[TRANSFER], source=source_steps(group.core)),
     }
     return [
         {"target": group.target, "trainer": group.trainer, "core": group.core, "arm": name, "threshold": threshold}
-        | _measures(runs, reached[name])
-        | (efficiency if name == TRANSFER else dict.fromkeys(efficiency))
+        | {"before_training": starts[name]}
+        | _measures(runs, horizon)
+        | {"steps_to_threshold": float(np.median(reached[name])), "never_reached": int(np.isinf(reached[name]).sum())}
+        | (compared if name == TRANSFER else dict.fromkeys(compared))
         for name, runs in arms.items()
     ]
 
 
-def _measures(runs: list[Mapping[str, Array]], reached: list[float]) -> dict[str, Any]:
+def _measures(runs: Mapping[Key, Mapping[str, Array]], horizon: float) -> dict[str, float]:
+    """Over the steps that every run has."""
+    shared = [{name: values[run["steps"] <= horizon] for name, values in run.items()} for run in runs.values()]
     return {
-        "before_training": float(np.mean([run["returns"][0] for run in runs])),
-        "area": float(np.mean([stats.area(run["steps"], run["returns"]) for run in runs])),
-        "asymptote": float(np.mean([stats.asymptote(run["steps"], run["returns"]) for run in runs])),
-        "steps_to_threshold": float(np.median(reached)),
-        "never_reached": int(np.isinf(reached).sum()),
+        "area": float(np.mean([stats.area(run["steps"], run["returns"]) for run in shared])),
+        "asymptote": float(np.mean([stats.asymptote(run["steps"], run["returns"]) for run in shared])),
     }
 
 
@@ -129,36 +140,48 @@ def verdict_rows(matrix: Matrix) -> list[dict[str, Any]]:
 
 def reproduction_rows(matrix: Matrix) -> list[dict[str, Any]]:
     """The paper's own measures for every arm: mean training return of the last 50 episodes, and of all, over runs."""
-    found = {}
-    for group in matrix.groups:
-        for name, arm in group.arms.items():
-            rows = [row for row in arm.rows if row["last_50_mean"] != ""]
-            if rows:
-                found[group.target, group.trainer, name, "" if name in WITHOUT_CORE else group.core] = _paper_row(
-                    group, name, rows
-                )
-    return list(found.values())
+    rows = [_paper_row(group, name) for group in matrix.groups for name in group.arms if name != ZERO_ACTION]
+    return list({tuple(row[key] for key in ("target", "trainer", "arm", "core")): row for row in rows if row["n"]}.values())
 
 
-def _paper_row(group: Group, name: str, rows: list[Mapping[str, Any]]) -> dict[str, Any]:
-    last, everything = (np.array([row[measure] for row in rows], float) for measure in ("last_50_mean", "all_mean"))
-    low, high = _mean_interval(group, name, "last_50_mean")
-    edited_low, edited_high = _mean_interval(group, name, "last_50_edited")
-    return {
-        "target": group.target,
-        "trainer": group.trainer,
-        "arm": name,
-        "core": "" if name in WITHOUT_CORE else group.core,
-        "n": len(rows),
+def _paper_row(group: Group, name: str) -> dict[str, Any]:
+    last, edited = (complete(group.grid(name, measure)) for measure in ("last_50_mean", "last_50_edited"))
+    row = {"target": group.target, "trainer": group.trainer, "arm": name, "core": "" if name in WITHOUT_CORE else group.core}
+    row |= {"n": last.size, "failed": len(group.arms[name].failed)}
+    if not last.size:
+        return row
+    low, high = _mean_interval(last)
+    edited_low, edited_high = _mean_interval(edited)
+    return row | {
         "last_50": float(last.mean()),
         "last_50_low": low,
         "last_50_high": high,
-        "last_50_std": float(last.std(ddof=1)) if len(last) > 1 else 0.0,
+        "last_50_std": float(last.std(ddof=1)) if last.size > 1 else None,
         "last_50_median": float(np.median(last)),
-        "last_50_edited": float(np.mean([row["last_50_edited"] for row in rows])),
+        "last_50_edited": float(edited.mean()),
         "last_50_edited_low": edited_low,
         "last_50_edited_high": edited_high,
-        "all": float(everything.mean()),
-        "seconds": float(np.mean([row["seconds"] for row in rows])),
-        "steps": float(np.mean([row["steps"] for row in rows])),
+        **{key: float(np.mean(complete(group.grid(name, measure)))) for key, measure in MEANS.items()},
     }
+
+
+def aggregate_rows(matrix: Matrix) -> list[dict[str, Any]]:
+    """The interquartile mean of every arm over all targets, normalised, with the runs of each target resampled.
+
+    Of several members the mean: the interval is over seeds, for these members. Only targets that have two references, and only
+    where every arm has the same number of seeds on all of them.
+    """
+    rows = []
+    for trainer, core in dict.fromkeys((group.trainer, group.core) for group in matrix.groups if group.core):
+        groups = [group for group in matrix.groups if (group.trainer, group.core) == (trainer, core) and group.scaled]
+        names = [name for name in (groups[0].scores if groups else ()) if all(name in group.scores for group in groups)]
+        means = {name: [group.normalized(complete(group.scores[name])).mean(axis=0) for group in groups] for name in names}
+        sizes = {len(values) for found in means.values() for values in found}
+        if len(groups) < 2 or len(sizes) > 1 or 0 in sizes:
+            continue
+        for name, found in means.items():
+            scores = np.stack(found, axis=1)
+            low, high = stats.stratified_interval(scores, stats.iqm)
+            row = {"trainer": trainer, "core": core, "arm": name, "targets": len(groups), "seeds": len(scores)}
+            rows.append(row | {"iqm": stats.iqm(scores), "iqm_low": low, "iqm_high": high})
+    return rows

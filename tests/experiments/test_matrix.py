@@ -3,6 +3,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter
 
 import pytest
 
@@ -44,12 +45,10 @@ def start(grid, out):
 
 
 def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
-    text = GRID.replace('arms = ["transfer"', 'members = [0, 1]\narms = ["constant", "transfer"')
+    text = GRID.replace('arms = ["transfer"', 'members = [0, 1]\narms = ["constant", "scratch-matched", "transfer"')
     cells = load_cells(grid(text))
-    counts = {
-        arm: sum(cell.arm == arm for cell in cells) for arm in ("transfer", "random", "scratch", "constant", "zero-action")
-    }
-    assert counts == {"transfer": 4, "random": 4, "scratch": 2, "constant": 2, "zero-action": 1}
+    counts = Counter(cell.arm for cell in cells)
+    assert counts == {"transfer": 4, "random": 4, "scratch-matched": 2, "scratch": 2, "constant": 2, "zero-action": 1}
     assert len({cell.id for cell in cells}) == len(cells)
     trained = GRID + '[[trainer]]\nset = { "ppo.epochs" = 3 }\n'
     assert {cell.config.ppo.epochs for cell in load_cells(grid(trained)) if cell.arm == "transfer"} == {3}
@@ -78,6 +77,14 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
         ("eval_episodes = 2", "[[part]]\n[[part]]\nseeds = [5, 5]", "line 9: the grid has seed 5 more than once"),
         ("eval_episodes = 2", 'part = [{ seeds = "0-1" }, { seeds = [5, 5] }]', "line 7: the grid has seed 5 more than once"),
         ("eval_episodes = 2", "part = [1]", r"grid.toml: part=\[1\] must be written as \[\[part\]\]"),
+        ("eval_episodes = 2", "part = []", "must be written as"),
+        (
+            "eval_episodes = 2",
+            '[[part]]\n[[part]]\ntrainer = [{ set = { "ppo.gamma" = 0.9 } }]',
+            "2 settings of .*its own name",
+        ),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = [0.9] }', "line 8: .*another type than 0.99"),
+        ('seeds = "0-1"', "seeds = [-1]", "line 6: seeds=.* whole numbers from 0"),
         ('"transfer"', "5", "line 5: arms=.* must be a list of names"),
         ("eval_episodes = 2", "members = []", "line 7: the grid has no members"),
         ("eval_episodes = 2", "trainer = [1]", "line 7: trainer=.* must be a list of tables"),

@@ -13,7 +13,9 @@ from playwright.sync_api import sync_playwright
 from experiments import matrix
 from experiments.cells import CELLS, SET_ASIDE, problems, set_damaged_aside
 from experiments.grid_file import load_cells
-from experiments.report.data import Arm, Group, load_matrix, running_mean
+from experiments.report.data import Group, load_matrix
+from experiments.report.runs import Arm, running_mean
+from experiments.report.tables import arm_rows
 from experiments.verdict import paired
 from transferkit.errors import RunDirectoryError
 
@@ -61,6 +63,7 @@ def test_tables_hold_every_run_and_agree_with_them(page, results):
     measures = [r for r in read(folder / "curves.csv") if r["target"] == "InvertedPendulum-v5"]
     assert [row["arm"] for row in measures] == ["transfer", "scratch"]
     assert float(measures[0]["before_training"]) > 900 > float(measures[1]["before_training"])  # it is the core's own task
+    assert {row["arm"]: row["targets"] for row in read(folder / "aggregates.csv")} == {"transfer": "2", "scratch": "2"}
     assert {path.suffix for path in folder.iterdir()} == {".csv", ".png", ".svg"}
 
 
@@ -93,20 +96,23 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
     root = tmp_path / "copy"
     shutil.copytree(results, root)
     with_episodes = (path for path in sorted((root / CELLS).glob("*/run/episodes.csv")) if path.read_text().count("\n") > 3)
-    short, forged, cut = itertools.islice(with_episodes, 3)
+    short, forged, cut, *more = itertools.islice(with_episodes, 6)
     short.write_text(short.read_text()[:40])
     (forged.parent / "result.json").write_text((forged.parent / "result.json").read_text().replace("seconds", "second"))
     cell = cut.parents[1] / "cell.json"
     cell.write_text(cell.read_text().replace('"seed": ', '"seed": 7'))
+    (more[0].parents[1] / "cell.json").unlink()
+    (more[1].parent / "evaluations.csv").write_text("".join((more[1].parent / "evaluations.csv").open().readlines()[:-1]))
+    (more[2].parent / "run.json").write_text("{}")
     matrix_of = load_matrix(root)
-    assert len(matrix_of.rows) == 10 - 3
-    assert len(matrix_of.damaged) == 3
+    assert len(matrix_of.rows) == 10 - 6
+    assert len(matrix_of.damaged) == 6
     lines = set_damaged_aside(root, problems(root))
-    assert len(lines) == 3
-    assert len(list((root / SET_ASIDE).iterdir())) == 3
+    assert len(lines) == 6
+    assert len(list((root / SET_ASIDE).iterdir())) == 6
     todo = [c for c in load_cells(root / "grid.toml") if not matrix.finished(root, c).exists()]
-    assert len(todo) == 3
-    assert [matrix.run_cell(cell, root, "the command").error for cell in todo] == ["", "", ""]
+    assert len(todo) == 6
+    assert [matrix.run_cell(cell, root, "the command").error for cell in todo] == [""] * 6
     assert len(matrix.collect(root)) == 10
 
 
@@ -129,13 +135,33 @@ def test_members_are_paired_with_themselves_and_missing_ones_are_missing():
     np.testing.assert_array_equal(both["transfer"] - both["random"], np.zeros((3, 1)))
 
 
-def test_runs_of_two_settings_under_one_name_are_refused(results, tmp_path):
+def test_a_failed_run_counts_as_the_worst_one():
+    arms = {
+        "transfer": Arm("transfer", [made_up("transfer", 0, s, 7.0 + s) for s in range(3)], None),
+        "scratch": Arm("scratch", [made_up("scratch", 0, 0, 3.0)], None, [made_up("scratch", 0, 2, None)]),
+    }
+    group = Group("target", "ppo", "c", arms, None, None, "")
+    np.testing.assert_array_equal(group.scores["scratch"], [[3.0, np.nan, 3.0]])
+    assert group.verdict.scratch.mean == 5.0
+    assert "scratch 1" in group.verdict.reason
+    row = arm_rows(group)[1]
+    assert (row["n"], row["failed"], row["mean"]) == (2, 1, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (GRID.replace("steps = 256", "steps = 257"), "holds runs of ppo on InvertedDoublePendulum-v5 with 2 budgets"),
+        (GRID + 'trainer = [{ set = { "ppo.gamma" = 0.9 } }]', "holds 2 runs of target"),
+    ],
+)
+def test_runs_of_two_settings_under_one_name_are_refused(results, tmp_path, changed, message):
     root = tmp_path / "two"
     shutil.copytree(results, root)
-    (root / "grid.toml").write_text(GRID.replace("steps = 256", "steps = 257"))
+    (root / "grid.toml").write_text(changed)
     cell = next(cell for cell in load_cells(root / "grid.toml") if cell.arm == "scratch")
     assert matrix.run_cell(cell, root, "the command").error == ""
-    with pytest.raises(RunDirectoryError, match="holds 2 runs of target"):
+    with pytest.raises(RunDirectoryError, match=message):
         load_matrix(root)
 
 

@@ -32,6 +32,8 @@ ARMS = {
         ({"random-matched": None}, NONE, "needs the arms random-matched"),
         ({"scratch": None}, NONE, "needs the arms scratch"),
         ({"transfer": None}, NONE, "was not run"),
+        ({"scratch": arm(8.0), "random": np.where(SEEDS < 1, arm(2.0, 2), np.nan)}, NEGATIVE, "below training from scratch"),
+        ({"random": np.where(SEEDS < 1, arm(2.0, 2), np.nan)}, NONE, "Fewer than two seeds"),
     ],
 )
 def test_a_claim_of_transfer_needs_every_control(changed, kind, word):

@@ -9,11 +9,11 @@ from transferkit.stats import (
     holm_differences,
     iqm,
     jumpstart,
-    mean_interval,
     paired_difference,
     performance_profile,
     probability_of_improvement,
     steps_to_threshold,
+    stratified_interval,
 )
 
 RNG = np.random.default_rng(0)
@@ -42,7 +42,14 @@ def test_holm_widens_the_clearest_difference_most():
     assert wider["far"] > 1.1  # 97.5 % in place of 95 %
     assert wider["near"] == pytest.approx(1, abs=0.05)
     # alone, nothing is corrected
-    assert holm_differences(scores, {"far": controls["far"]})["far"].low == pytest.approx(plain["far"].low, abs=0.1)
+    assert holm_differences(scores, {"far": controls["far"]})["far"] == plain["far"]
+
+
+def test_holm_stops_at_the_first_that_is_not_clear():
+    noise = np.array([1.0, -1.0, 0.4, -0.4, 0.2, -0.2, 1.4, -1.4])
+    controls = {name: -0.8 - noise * scale for name, scale in (("a", 1.0), ("b", 1.001), ("c", 1.002))}
+    assert all(paired_difference(np.zeros(8), other).low > 0 for other in controls.values())
+    assert not any(difference.low > 0 for difference in holm_differences(np.zeros(8), controls).values())
 
 
 def test_probability_of_improvement_is_the_mann_whitney_statistic():
@@ -63,7 +70,7 @@ def test_as_rliable():
     np.testing.assert_allclose(performance_profile(scores, thresholds), profile)
     mean, interval = library.get_interval_estimates({"a": scores}, lambda x: np.array([metrics.aggregate_mean(x)]), reps=2000)
     assert mean["a"][0] == pytest.approx(scores.mean())
-    low, high = mean_interval(scores.ravel())
+    low, high = stratified_interval(scores, np.mean)
     width = interval["a"][1, 0] - interval["a"][0, 0]  # rliable's percentiles, not moved outwards for ten runs
     assert width < high - low < 1.4 * width
 

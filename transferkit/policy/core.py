@@ -86,11 +86,13 @@ class Core:
             raise ConfigError(f"core {self.id} has no member {member}; it has 0 to {len(self.seeds) - 1}")
         return {name: tensor[member] for name, tensor in self.parts[part].items()}
 
-    def randomized(self, seed: int) -> Core:
-        """The control that shares nothing but the architecture: every member freshly initialised."""
+    def randomized(self, seed: int, *, init_std: float = 1.0) -> Core:
+        """The control that shares architecture and observation statistics: every member freshly initialised."""
         generator = Streams(seed).torch("random core")
         parts = dict(self.parts)
-        parts["policy"] = stack_members([PolicyNet(self.architecture, generator).state_dict() for _ in self.seeds])
+        parts["policy"] = stack_members(
+            [PolicyNet(self.architecture, generator, init_std=init_std).state_dict() for _ in self.seeds]
+        )
         for name, architecture in self.ensembles.items():
             fresh = stack_members([Ensemble(architecture, generator).state_dict() for _ in self.seeds])
             parts[name] = {**self.parts[name], **{f"ensemble.{key}": tensor for key, tensor in fresh.items()}}

@@ -24,6 +24,10 @@ def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
     Ctrl-C ends the calling process with status 130.
     """
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_stop_with_parent) as pool:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which workers that still import inherit
+        for _ in range(workers):
+            pool.submit(int)  # starts a process
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         try:
             yield pool
         except KeyboardInterrupt:
@@ -43,6 +47,7 @@ def _stop(children: Sequence[BaseProcess]) -> None:
 
 def _stop_with_parent() -> None:
     os.setsid()  # a Ctrl-C is for the parent
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     parent = multiprocessing.parent_process()
     assert parent is not None
 

@@ -9,6 +9,7 @@ from transferkit.stats.compare import (
 )
 from transferkit.stats.curves import area, asymptote, data_efficiency, jumpstart, steps_to_threshold
 from transferkit.stats.intervals import (
+    crossed_band,
     crossed_interval,
     hierarchical_interval,
     iqm,
@@ -22,6 +23,7 @@ __all__ = [
     "Difference",
     "area",
     "asymptote",
+    "crossed_band",
     "crossed_interval",
     "data_efficiency",
     "hierarchical_interval",

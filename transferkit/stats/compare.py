@@ -22,9 +22,7 @@ class Difference:
     """Seeds."""
 
 
-def paired_difference(
-    scores: ArrayLike, others: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
-) -> Difference:
+def paired_difference(scores: ArrayLike, others: ArrayLike, *, confidence: float = CONFIDENCE) -> Difference:
     """Mean of `scores - others` over runs that share their seed.
 
     Either is `(members, seeds)`, or `(seeds,)` for an arm without a core, which is then the partner of every member.
@@ -36,33 +34,31 @@ def paired_difference(
     if a.shape[1] != b.shape[1]:
         raise ValueError(f"paired arms need the same seeds; these have {a.shape[1]} and {b.shape[1]}")
     difference = a - b
-    low, high = crossed_interval(difference, rng=rng, confidence=confidence)
+    low, high = crossed_interval(difference, confidence=confidence)
     return Difference(float(difference.mean()), low, high, difference.shape[1])
 
 
-def holm_differences(
-    scores: ArrayLike, controls: Mapping[str, ArrayLike], *, rng: np.random.Generator | None = None
-) -> dict[str, Difference]:
-    """The differences to several controls, with intervals at the levels of Holm's step-down tests (Holm 1979).
+def holm_differences(scores: ArrayLike, controls: Mapping[str, ArrayLike]) -> dict[str, Difference]:
+    """The differences to several controls, with intervals that exclude 0 where Holm's step-down test rejects (Holm 1979).
 
-    The clearest of m differences gets the confidence 1 - 0.05 / m, the next 1 - 0.05 / (m - 1), and so on.
+    The clearest of m differences gets the confidence 1 - 0.05 / m, the next 1 - 0.05 / (m - 1), and so on to the first whose
+    interval includes 0; the level stays there. What they exclude 0 for holds together, the intervals as such do not.
     """
-    generator = generator_or_fixed(rng)
-    plain = {name: paired_difference(scores, other, rng=generator) for name, other in controls.items()}
-    order = sorted(plain, key=lambda name: _clearness(plain[name]), reverse=True)
-    corrected = {
-        name: paired_difference(scores, controls[name], rng=generator, confidence=1 - (1 - CONFIDENCE) / (len(order) - rank))
-        for rank, name in enumerate(order)
-    }
+    plain = {name: paired_difference(scores, other) for name, other in controls.items()}
+    left, corrected = len(plain), {}
+    for name in sorted(plain, key=lambda name: _clearness(plain[name]), reverse=True):
+        found = paired_difference(scores, controls[name], confidence=1 - (1 - CONFIDENCE) / left)
+        left -= found.low > 0 or found.high < 0
+        corrected[name] = found
     return {name: corrected[name] for name in controls}
 
 
 def probability_of_improvement(
     scores: ArrayLike, others: ArrayLike, *, rng: np.random.Generator | None = None
 ) -> tuple[float, float, float]:
-    """Probability that a run of the first arm beats one of the second, ties counted half, with its interval.
+    """Probability that a run of the first arm beats one of the second on one task, ties counted half, with its interval.
 
-    The Mann-Whitney statistic over the number of pairs (Agarwal et al. 2021); both arms resampled.
+    The Mann-Whitney statistic over the number of pairs (Agarwal et al. 2021); percentiles with both arms resampled.
     """
     a, b = np.asarray(scores, float).ravel(), np.asarray(others, float).ravel()
     generator = generator_or_fixed(rng)

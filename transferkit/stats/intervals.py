@@ -1,4 +1,7 @@
-"""Aggregates and their bootstrap intervals."""
+"""Aggregates and their intervals: of means Student's, of interquartile means by the bootstrap.
+
+The percentiles of a bootstrap cannot leave the range of the sample, which makes them too narrow for a mean of few runs.
+"""
 
 from __future__ import annotations
 
@@ -33,14 +36,12 @@ def normalized(scores: ArrayLike, low: float, high: float) -> NDArray[np.float64
     return (np.asarray(scores, float) - low) / (high - low)
 
 
-def mean_interval(
-    values: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
-) -> tuple[float, float]:
-    """Bootstrap interval of the mean of independent values.
+def mean_interval(values: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Student's interval of the mean of independent values.
 
     One value, or equal values, give an interval of no width: the sample says nothing about its spread.
     """
-    return stratified_interval(np.asarray(values, float)[:, None], np.mean, rng=rng, confidence=confidence)
+    return crossed_interval(np.asarray(values, float)[None], confidence=confidence)
 
 
 def iqm_interval(
@@ -62,33 +63,52 @@ def stratified_interval(
     runs, tasks = values.shape
     rows = generator_or_fixed(rng).integers(runs, size=(RESAMPLES, runs, tasks))
     resampled = values[rows, np.arange(tasks)]
-    return _expanded(statistic(resampled.reshape(RESAMPLES, -1), axis=1), runs, tasks * (runs - 1), confidence)
+    low, high = _percentiles(statistic(resampled.reshape(RESAMPLES, -1), axis=1), runs, tasks * (runs - 1), confidence)
+    return float(low), float(high)
 
 
-def hierarchical_interval(
-    groups: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
-) -> tuple[float, float]:
+def hierarchical_interval(groups: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Interval of the mean over groups `(groups, values)` that are themselves a sample, as the source seeds of a core.
 
-    Groups are resampled whole (Davison & Hinkley 1997, 3.8: resampling within them too would count their spread twice).
+    The groups' means are the sample: their spread holds that within them (Davison & Hinkley 1997, 3.8).
     """
-    return mean_interval(np.asarray(groups, float).mean(axis=1), rng=rng, confidence=confidence)
+    return mean_interval(np.asarray(groups, float).mean(axis=1), confidence=confidence)
 
 
-def crossed_interval(
-    scores: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
-) -> tuple[float, float]:
+def crossed_interval(scores: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Interval of the mean of scores `(members, seeds)`, every member run with every seed, both a sample.
 
-    Members and seeds are resampled independently (Owen 2007). That is conservative where neither matters.
+    The variances of the means over members and over seeds are added, which counts noise of single runs twice where there are
+    several of both (Owen 2007), with the degrees of freedom of such a sum (Satterthwaite 1946).
     """
     values = np.asarray(scores, float)
-    members, seeds = values.shape
+    mean = float(values.mean())
+    factors = [means for means in (values.mean(axis=1), values.mean(axis=0)) if len(means) > 1 and np.ptp(means)]
+    if not factors:
+        return mean, mean
+    variances = [float(means.var(ddof=1)) / len(means) for means in factors]
+    freedom = sum(variances) ** 2 / sum(v**2 / (len(means) - 1) for v, means in zip(variances, factors, strict=True))
+    low, high = scipy_stats.t.interval(confidence, freedom, mean, np.sqrt(sum(variances)))
+    return float(low), float(high)
+
+
+def crossed_band(
+    curves: ArrayLike,
+    statistic: Statistic,
+    *,
+    rng: np.random.Generator | None = None,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Intervals of a statistic at every point of curves `(members, seeds, points)`, both resampled (Owen 2007)."""
+    values = np.asarray(curves, float)
+    members, seeds, points = values.shape
     generator = generator_or_fixed(rng)
-    rows = generator.integers(members, size=(RESAMPLES, members, 1))
-    columns = generator.integers(seeds, size=(RESAMPLES, 1, seeds))
-    freedom = _freedom(values.mean(axis=1), values.mean(axis=0))
-    return _expanded(values[rows, columns].mean(axis=(1, 2)), freedom + 1, freedom, confidence)
+    rows = generator.integers(members, size=(resamples, members, 1))
+    columns = generator.integers(seeds, size=(resamples, 1, seeds))
+    resampled = statistic(values[rows, columns].reshape(resamples, members * seeds, points), axis=1)
+    fewest = min((size for size in (members, seeds) if size > 1), default=1)
+    return _percentiles(resampled, fewest, fewest - 1, confidence)
 
 
 def generator_or_fixed(rng: np.random.Generator | None) -> np.random.Generator:
@@ -96,19 +116,9 @@ def generator_or_fixed(rng: np.random.Generator | None) -> np.random.Generator:
     return np.random.default_rng(0) if rng is None else rng
 
 
-def _freedom(*factors: NDArray[np.float64]) -> float:
-    """Degrees of freedom of a mean whose variance is the sum of its factors' (Satterthwaite 1946)."""
-    sizes = [len(means) for means in factors if len(means) > 1]
-    variances = [means.var(ddof=1) / len(means) for means in factors if len(means) > 1]
-    if not sum(variances):
-        return float(sum(size - 1 for size in sizes))
-    return sum(variances) ** 2 / sum(v**2 / (n - 1) for v, n in zip(variances, sizes, strict=True))
-
-
-def _expanded(statistics: NDArray[np.float64], n: float, freedom: float, confidence: float) -> tuple[float, float]:
-    """Percentiles of bootstrapped statistics, moved outwards for small samples of `n` (Hesterberg 2015, 4.2)."""
+def _percentiles(resampled: NDArray[np.float64], n: int, freedom: int, confidence: float) -> Any:  # noqa: ANN401
+    """Both ends, of statistics `(resamples, ...)`, moved outwards for small samples of `n` (Hesterberg 2015, 4.2)."""
     tail = (1 - confidence) / 2
     if freedom > 0:
         tail = float(scipy_stats.norm.cdf(np.sqrt(n / (n - 1)) * scipy_stats.t.ppf(tail, freedom)))
-    low, high = np.quantile(statistics, [tail, 1 - tail])
-    return float(low), float(high)
+    return np.quantile(resampled, [tail, 1 - tail], axis=0)

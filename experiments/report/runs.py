@@ -1,0 +1,112 @@
+"""The runs of an arm: final evaluations and learning curves."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.cells import CELLS, columns
+from transferkit import stats
+
+POINTS = 80
+"""Of a learning curve in the page."""
+
+RESAMPLES = 200
+"""For the intervals of a curve, which are drawn and not read off."""
+
+Key = tuple[int, int]
+"""Member and seed of a run."""
+
+WINDOWS = {"50-episode mean": 50, "each episode": 1}
+"""The paper's smoothing, and none."""
+
+EVALUATIONS = "evaluations"
+AXES = ("episodes", "steps")
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Interquartile mean over runs with its pointwise 95 % interval, up to where the first of them ends; each `(points,)`."""
+
+    n: int
+    """Runs."""
+    x: Array
+    iqm: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """All runs of an arm on one target under one trainer."""
+
+    name: str
+    rows: Sequence[Mapping[str, Any]]
+    root: Path
+    failed: Sequence[Mapping[str, Any]] = ()
+    """Runs that have no result, and will not get one, as diverged ones."""
+
+    @property
+    def returns(self) -> Array:
+        """Final evaluation of every run."""
+        return np.array([row["eval_return_mean"] for row in self.rows], float)
+
+    @functools.cached_property
+    def episodes(self) -> dict[Key, dict[str, Array]]:
+        """For every trained run its training returns and the environment steps at the end of each episode."""
+        tables = {_key(row): columns(self._run(row), "episodes") for row in self.rows if row["episodes"]}
+        return {key: {"returns": t["return"], "episodes": t["episode"], "steps": t["steps"]} for key, t in tables.items()}
+
+    @functools.cached_property
+    def evaluations(self) -> dict[Key, dict[str, Array]]:
+        """For every run that was evaluated more than once, those evaluations."""
+        tables = {_key(row): columns(self._run(row), EVALUATIONS) for row in self.rows if row["steps"]}
+        return {
+            key: {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]}
+            for key, t in tables.items()
+            if len(t["steps"]) > 1
+        }
+
+    @functools.cache  # noqa: B019 - arms live as long as the report
+    def curve(self, kind: str, axis: str) -> Curve | None:
+        """Training returns smoothed over a window, or evaluations, on the axis of episodes or of environment steps."""
+        grid = _crossed(self.evaluations if kind == EVALUATIONS else self.episodes)
+        runs = [run for row in grid for run in row]
+        start, end = max((run[axis][0] for run in runs), default=0), min((run[axis][-1] for run in runs), default=0)
+        if start >= end:
+            return None
+        x = np.linspace(start, end, POINTS)
+        smoothed = lambda run: running_mean(run["returns"], WINDOWS.get(kind, 1))  # noqa: E731
+        values = np.array([[np.interp(x, run[axis], smoothed(run)) for run in row] for row in grid])
+        low, high = stats.crossed_band(values, stats.iqm, resamples=RESAMPLES)
+        return Curve(len(runs), x, stats.iqm(values.reshape(-1, POINTS), axis=0), low, high)
+
+    def _run(self, row: Mapping[str, Any]) -> Path:
+        return self.root / CELLS / row["id"] / "run"
+
+
+def running_mean(values: Array, window: int) -> Array:
+    """Mean of the last `window` values up to each one; of fewer at the start."""
+    sums = np.cumsum(np.insert(values, 0, 0.0))
+    ends = np.arange(1, len(values) + 1)
+    starts = np.maximum(ends - window, 0)
+    return (sums[ends] - sums[starts]) / (ends - starts)
+
+
+def _key(row: Mapping[str, Any]) -> Key:
+    return row["member"], row["seed"]
+
+
+def _crossed(runs: Mapping[Key, dict[str, Array]]) -> list[list[dict[str, Array]]]:
+    """The runs by member and seed, over the seeds that every member has."""
+    members = sorted({member for member, _ in runs})
+    seeds = [seed for seed in sorted({seed for _, seed in runs}) if all((member, seed) in runs for member in members)]
+    return [[runs[member, seed] for seed in seeds] for member in members]
