@@ -42,7 +42,7 @@ class Evaluation:
         return float(np.mean(self.returns))
 
     def row(self) -> dict[str, float]:
-        """Mean, standard deviation over episodes (n - 1), and bootstrap 95 % interval of the mean."""
+        """Mean, standard deviation over episodes (n - 1), and Student's 95 % interval of the mean."""
         low, high = stats.mean_interval(self.returns)
         deviation = float(np.std(self.returns, ddof=1)) if len(self.returns) > 1 else 0.0
         return {

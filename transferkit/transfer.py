@@ -55,7 +55,7 @@ class Result:
     eval_return_mean: float
     eval_return_std: float
     eval_return_low: float
-    """Bootstrap 95 % interval of the mean over evaluation episodes."""
+    """Student's 95 % interval of the mean over evaluation episodes."""
     eval_return_high: float
     eval_episodes: int
     run_dir: str

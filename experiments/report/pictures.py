@@ -12,7 +12,7 @@ import numpy as np
 
 from experiments.arms import WITHOUT_CORE, ZERO_ACTION
 from experiments.report.data import Group, Matrix
-from experiments.report.runs import Arm
+from experiments.report.runs import Arm, Curve
 from experiments.verdict import TRANSFER
 from transferkit import stats
 from transferkit.pictures import COLOURS
@@ -70,14 +70,25 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN4
             style = DASHES[k // len(COLOURS) % len(DASHES)]
             axis.plot(curve.x, curve.iqm, style, color=colour, label=f"{label} (n {curve.n})")
             axis.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, linewidth=0)
+        _limit(axis, [curve for arm in lines_of(groups).values() if (curve := arm.curve(window, unit))])
         if ZERO_ACTION in groups[0].arms:
             axis.axhline(groups[0].low, color="grey", linestyle="-.", linewidth=1, label="zero action")
         axis.set_xlabel("training episodes" if unit == "episodes" else "environment steps")
         axis.set_title(window)
+        axis.locator_params(axis="x", nbins=6)
     axes[0].set_ylabel("training return, IQM over runs with 95 % interval")
     _legend_below(figure, axes[0])
     figure.suptitle(target)
     return figure
+
+
+def _limit(axis: Any, curves: Sequence[Curve]) -> None:  # noqa: ANN401
+    """Cut bands where they go further from the lines than these do from each other: one diverged run would hide all others."""
+    if curves:
+        lowest, highest = min(curve.iqm.min() for curve in curves), max(curve.iqm.max() for curve in curves)
+        reach = highest - lowest or 1.0
+        low, high = min(curve.low.min() for curve in curves), max(curve.high.max() for curve in curves)
+        axis.set_ylim(max(low, lowest - reach) - 0.05 * reach, min(high, highest + reach) + 0.05 * reach)
 
 
 def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401

@@ -27,6 +27,14 @@ arms = ["transfer", "scratch", "zero-action"]
 seeds = "0-1"
 eval_episodes = 2
 eval_every = 128
+
+[[part]]
+
+[[part]]
+targets = ["InvertedPendulum-v5"]
+arms = ["scratch"]
+seeds = [0]
+trainer = [{ name = "a second", algo = "ppo", set = { "ppo.gamma" = 0.9 } }]
 """
 
 
@@ -53,7 +61,7 @@ def read(path):
 
 def test_tables_hold_every_run_and_agree_with_them(page, results):
     folder = results / "report_files"
-    assert len(read(folder / "runs.csv")) == 10
+    assert len(read(folder / "runs.csv")) == 11
     verdicts = read(folder / "verdicts.csv")
     assert {row["verdict"] for row in verdicts} <= {"transfer", "no evidence", "negative transfer"}
     assert len(verdicts) == 2
@@ -105,7 +113,7 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
     (more[1].parent / "evaluations.csv").write_text("".join((more[1].parent / "evaluations.csv").open().readlines()[:-1]))
     (more[2].parent / "run.json").write_text("{}")
     matrix_of = load_matrix(root)
-    assert len(matrix_of.rows) == 10 - 6
+    assert len(matrix_of.rows) == 11 - 6
     assert len(matrix_of.damaged) == 6
     lines = set_damaged_aside(root, problems(root))
     assert len(lines) == 6
@@ -113,7 +121,7 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
     todo = [c for c in load_cells(root / "grid.toml") if not matrix.finished(root, c).exists()]
     assert len(todo) == 6
     assert [matrix.run_cell(cell, root, "the command").error for cell in todo] == [""] * 6
-    assert len(matrix.collect(root)) == 10
+    assert len(matrix.collect(root)) == 11
 
 
 def made_up(arm, member, seed, value):
@@ -152,7 +160,10 @@ def test_a_failed_run_counts_as_the_worst_one():
     ("changed", "message"),
     [
         (GRID.replace("steps = 256", "steps = 257"), "holds runs of ppo on InvertedDoublePendulum-v5 with 2 budgets"),
-        (GRID + 'trainer = [{ set = { "ppo.gamma" = 0.9 } }]', "holds 2 runs of target"),
+        (
+            GRID.replace("[[part]]\n\n[[part]]", '[[part]]\ntrainer = [{ set = { "ppo.gamma" = 0.8 } }]\n\n[[part]]'),
+            "holds 2 runs of target",
+        ),
     ],
 )
 def test_runs_of_two_settings_under_one_name_are_refused(results, tmp_path, changed, message):

@@ -42,7 +42,7 @@ class Score:
     mean: float
     low: float
     high: float
-    """Hierarchical bootstrap 95 % interval, over members and episodes."""
+    """95 % interval over members; of cores made before transferkit took Student's, a bootstrap's."""
     episodes: int
     """Per member."""
     seed: int
