@@ -61,7 +61,9 @@ def problem(where: Path) -> str:
             return _result_problem(run, trained=cell["arm"] != ZERO_ACTION) or _row_problem(where)
         if (run / CHECKPOINT).exists():
             load_state(run / CHECKPOINT)
-    except (RunDirectoryError, OSError, ValueError, KeyError, TypeError) as error:
+    except RunDirectoryError as error:
+        return str(error).partition(";")[0]
+    except (OSError, ValueError, KeyError, TypeError) as error:
         return f"{type(error).__name__}: {error}"
     return ""
 

@@ -25,7 +25,9 @@ class GridError(ConfigError):
 
     def __init__(self, message: object, *where: object) -> None:
         """`where` is what its line holds, the most telling first; flags that the message names become a grid's keys."""
-        super().__init__(re.sub(r"pass --([\w.-]+)", lambda flag: "set " + flag[1].replace("-", "_"), str(message)))
+        text = re.sub(r"\bpass (?=--)", "set ", str(message))
+        key = lambda flag: flag[2].replace("-", "_") + (" false" if flag[1] else "")  # noqa: E731
+        super().__init__(re.sub(r"--(no-)?([\w.-]+)", key, text))
         self.where = [str(word) for word in where]
 
 

@@ -78,6 +78,7 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
         ("eval_episodes = 2", 'part = [{ seeds = "0-1" }, { seeds = [5, 5] }]', "line 7: the grid has seed 5 more than once"),
         ("eval_episodes = 2", "part = [1]", r"grid.toml: part=\[1\] must be written as \[\[part\]\]"),
         ("eval_episodes = 2", "part = []", "must be written as"),
+        ("steps = 150", "", "no budget given; set episodes N, steps N or seconds S"),
         (
             "eval_episodes = 2",
             '[[part]]\n[[part]]\ntrainer = [{ set = { "ppo.gamma" = 0.9 } }]',
