@@ -95,10 +95,10 @@ class Arm:
 
 def running_mean(values: Array, window: int) -> Array:
     """Mean of the last `window` values up to each one; of fewer at the start."""
-    sums = np.cumsum(np.insert(values, 0, 0.0))
-    ends = np.arange(1, len(values) + 1)
-    starts = np.maximum(ends - window, 0)
-    return (sums[ends] - sums[starts]) / (ends - starts)
+    padded = np.concatenate([np.full(window - 1, np.nan), values])
+    return np.nanmean(
+        np.lib.stride_tricks.sliding_window_view(padded, window), axis=1
+    )  # sums would keep a diverged run's rounding
 
 
 def _key(row: Mapping[str, Any]) -> Key:
