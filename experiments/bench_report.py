@@ -48,6 +48,7 @@ def make_up(cell: Cell, where: Path, random: np.random.Generator) -> None:
         rows = [{"episode": k + 1, "steps": 100 * (k + 1), "return": r, "length": 100} for k, r in enumerate(returns)]
         write_csv(where / "run" / "episodes.csv", rows)
         points = [{"steps": 4000 * k, "episodes": 40 * k, "return_mean": 10.0 * k} for k in range(EVALUATIONS)]
+        points[-1]["return_mean"] = scores["eval_return_mean"]
         write_csv(where / "run" / "evaluations.csv", points)
 
 

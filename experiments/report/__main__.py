@@ -49,8 +49,9 @@ def report(results: Path, out: Path) -> None:
     for path in tables:
         write_csv(path, found[path.stem])
     write_page(matrix, pictures, tables, out)
-    for line in matrix.damaged:
-        print(f"damaged, in no table: {line}; run the matrix again", file=sys.stderr)
+    if matrix.damaged:
+        count, first = len(matrix.damaged), matrix.damaged[0]
+        print(f"{count} damaged, in no table (the page names them; {first}): run the matrix again", file=sys.stderr)
     print(f"{out}: {len(matrix.rows)} runs, {time.monotonic() - started:.1f} s; figures and tables in {folder}")
 
 
