@@ -92,9 +92,9 @@ class Group:
         return sorted({row["seed"] for row in self._runs})
 
     def _members(self, name: str) -> list[int]:
-        return (
-            [0] if name in WITHOUT_MEMBER else sorted({row["member"] for row in self._runs if row["arm"] not in WITHOUT_MEMBER})
-        )
+        if name in WITHOUT_MEMBER:
+            return [0]
+        return sorted({row["member"] for row in self._runs if row["arm"] not in WITHOUT_MEMBER})
 
     def _place(self, name: str, row: Mapping[str, Any]) -> tuple[int, int]:
         return self._members(name).index(row["member"]), self._seeds.index(row["seed"])
@@ -120,17 +120,14 @@ def load_matrix(root: Path) -> Matrix:
         RunDirectoryError: no finished run is there.
     """
     damaged = problems(root)
-    rows = table(root, damaged)
+    rows, failed = table(root, damaged), list(failures(root))
     if not rows:
-        failed = [error for _, error in failures(root)]
+        lost = f" and {len(failed)} failed ones ({failed[0][1]})" if failed else ""
         raise RunDirectoryError(
-            f"{root} holds no finished run"
-            + (f" and {len(failed)} failed ones ({failed[0]})" if failed else "")
-            + f"; make some with `python -m experiments.matrix GRID --out {root}`"
+            f"{root} holds no finished run{lost}; make some with `python -m experiments.matrix GRID --out {root}`"
         )
     labelled = [{**row, "label": label(row)} for row in rows]
     _check_single(labelled, root)
-    failed = list(failures(root))
     commands = sorted({read_json(root / CELLS / row["id"] / CELL)["command"] for row in rows})
     made_by = {tuple(f"{name} {row[name]}" for name in (*VERSIONS, "commit")) for row in rows if row["arm"] != ZERO_ACTION}
     return Matrix(
