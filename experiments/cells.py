@@ -52,13 +52,16 @@ def problem(where: Path) -> str:
     """What is wrong with the files of a cell, finished or not; empty where nothing is."""
     try:
         cell = read_json(where / CELL)
+        lacking = {*NAMES, "command"} - {*cell}
+        if lacking:
+            return f"{CELL} has no {min(lacking)}"
         if identify(cell["arm"], cell["core"], cell["config"]) != where.name:
             return f"{CELL} describes another run than its folder's name"
         run = where / "run"
         if (run / RECORD).exists():
-            read_json(run / RECORD)
+            _made_by(run)
         if (run / RESULT).exists():
-            return _result_problem(run, trained=cell["arm"] != ZERO_ACTION) or _row_problem(where)
+            return _result_problem(run, trained=cell["arm"] != ZERO_ACTION)
         if (run / CHECKPOINT).exists():
             load_state(run / CHECKPOINT)
     except RunDirectoryError as error:
@@ -73,22 +76,16 @@ def _result_problem(run: Path, *, trained: bool) -> str:
     for name in MEASURED:
         if not math.isfinite(result[name]):
             return f"{RESULT} says {name}={result[name]}"
-    if trained and not (run / RECORD).exists():
-        return f"{RECORD} is missing"
     if not trained:
         return ""
+    if not (run / RECORD).exists():
+        return f"{RECORD} is missing"
     if result["eval_return_mean"] not in columns(run, "evaluations")["return_mean"][-1:]:
         return f"{EVALUATIONS} does not end with the evaluation that {RESULT} states"
     returns = columns(run, "episodes")["return"]
     if len(returns) != result["episodes"] or not np.isfinite(returns).all():
         return f"episodes.csv has not the {result['episodes']} finite returns that {RESULT} counts"
     return ""
-
-
-def _row_problem(where: Path) -> str:
-    lacking = {*NAMES, "command"} - {*read_json(where / CELL)}
-    _row(where)
-    return f"{CELL} has no {min(lacking)}" if lacking else ""
 
 
 def set_damaged_aside(out: Path, damaged: Mapping[Path, str]) -> list[str]:
@@ -129,16 +126,19 @@ def failures(out: Path) -> Iterator[tuple[dict[str, Any], str]]:
 def _row(where: Path) -> dict[str, Any]:
     cell, result = read_json(where / CELL), read_json(where / "run" / RESULT)
     names = {name: value for name, value in cell.items() if name not in ("config", "command")}
-    names |= {f"budget_{name}": cell["config"][name] for name in ("episodes", "steps", "seconds")}
+    names |= {f"budget_{name}": cell["config"].get(name) for name in ("episodes", "steps", "seconds")}
     measured = {name: result[name] for name in MEASURED}
     if cell["arm"] == ZERO_ACTION:
         return names | measured | dict.fromkeys((*PAPER_MEASURES, "commit", *VERSIONS), "")
     returns = columns(where / "run", "episodes")["return"]
     edited = np.where(returns[-LAST:] <= 0, EDITED, returns[-LAST:])
     means = dict(zip(PAPER_MEASURES, map(_mean, (returns[-LAST:], edited, returns)), strict=True))
-    record = read_json(where / "run" / RECORD)
-    made_by = {"commit": (record["git"] or {}).get("commit", "")}
-    return names | measured | means | made_by | {name: record["versions"].get(name, "") for name in VERSIONS}
+    return names | measured | means | _made_by(where / "run")
+
+
+def _made_by(run: Path) -> dict[str, str]:
+    record = read_json(run / RECORD)
+    return {"commit": (record["git"] or {}).get("commit", ""), **{name: record["versions"].get(name, "") for name in VERSIONS}}
 
 
 def _mean(returns: NDArray[np.float64]) -> float | str:

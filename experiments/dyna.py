@@ -73,7 +73,7 @@ def main() -> None:
     known = {tuple(row[name] for name in names) for row in rows()}
     which = options.label, options.algo, options.preset, options.env
     jobs = [seed for seed in options.seeds if (*which, str(seed)) not in known]
-    with worker_pool(options.workers) as pool:
+    with worker_pool(options.workers, len(jobs)) as pool:
         for done in as_completed([pool.submit(run, options, seed) for seed in jobs]):
             add(done.result())
     if options.summary or not jobs:

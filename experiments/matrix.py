@@ -114,7 +114,7 @@ def run_all(cells: Sequence[Cell], out: Path, workers: int, ray: str | None = No
     """Run cells in processes of their own, here or on a Ray cluster; returns those that failed."""
     started, failed = time.monotonic(), []
     job = partial(run_cell, out=out.absolute(), command=shlex.join(("python", "-m", "experiments.matrix", *sys.argv[1:])))
-    with worker_pool(workers) if ray is None else ray_pool(ray, out) as pool:
+    with worker_pool(workers, len(cells)) if ray is None else ray_pool(ray, out) as pool:
         waiting = {pool.submit(job, cell): cell for cell in cells}
         for done, future in enumerate(as_completed(waiting), 1):
             error = future.exception()

@@ -97,7 +97,7 @@ def _train_members(recipe: Recipe, config: TrainConfig, report: Report | None) -
     jobs = [(replace(config, seed=seed), RUNS / "pretrain" / recipe.id / f"seed{seed}") for seed in recipe.seeds]
     if recipe.workers == 1 or len(jobs) == 1:
         return [run_training(job, out=out, resume=True, report=report) for job, out in jobs]
-    with worker_pool(recipe.workers) as pool:
+    with worker_pool(recipe.workers, len(jobs)) as pool:
         return list(pool.map(_train_member, *zip(*jobs, strict=True)))
 
 

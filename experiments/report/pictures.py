@@ -61,16 +61,17 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN4
     """The paper's figure: training returns over episodes, smoothed as there and not, and over environment steps."""
     figure, axes = plt.subplots(1, 3, figsize=(15, 4.5))
     panels = (("50-episode mean", "episodes"), ("each episode", "episodes"), ("50-episode mean", "steps"))
+    lines = lines_of(groups)
     for axis, (window, unit) in zip(axes, panels, strict=True):
-        for k, (label, arm) in enumerate(lines_of(groups).items()):
-            curve = arm.curve(window, unit)
-            if curve is None:
+        curves = {label: curve for label, arm in lines.items() if (curve := arm.curve(window, unit))}
+        for k, label in enumerate(lines):
+            if not (curve := curves.get(label)):
                 continue
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[k // len(COLOURS) % len(DASHES)]
             axis.plot(curve.x, curve.iqm, style, color=colour, label=f"{label} (n {curve.n})")
             axis.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, linewidth=0)
-        _limit(axis, [curve for arm in lines_of(groups).values() if (curve := arm.curve(window, unit))])
+        _limit(axis, list(curves.values()))
         if ZERO_ACTION in groups[0].arms:
             axis.axhline(groups[0].low, color="grey", linestyle="-.", linewidth=1, label="zero action")
         axis.set_xlabel("training episodes" if unit == "episodes" else "environment steps")

@@ -96,9 +96,8 @@ class Arm:
 def running_mean(values: Array, window: int) -> Array:
     """Mean of the last `window` values up to each one; of fewer at the start."""
     padded = np.concatenate([np.full(window - 1, np.nan), values])
-    return np.nanmean(
-        np.lib.stride_tricks.sliding_window_view(padded, window), axis=1
-    )  # sums would keep a diverged run's rounding
+    windows = np.lib.stride_tricks.sliding_window_view(padded, window)
+    return np.nanmean(windows, axis=1)  # differences of sums would keep the rounding of a diverged run
 
 
 def _key(row: Mapping[str, Any]) -> Key:

@@ -9,7 +9,7 @@ import os, time
 from transferkit.run.workers import worker_pool
 
 if __name__ == "__main__":
-    with worker_pool(1) as pool:
+    with worker_pool(1, 1) as pool:
         print(pool.submit(os.getpid).result(), flush=True)
         pool.submit(time.sleep, 600).result()
 """

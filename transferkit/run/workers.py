@@ -18,17 +18,17 @@ GRACE = 15.0
 
 
 @contextmanager
-def worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Fresh processes that save and stop when their parent is gone, so that the next call finds their runs free.
+def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Fresh processes, no more than jobs, that save and stop when their parent is gone: the next call finds their runs free.
 
     Ctrl-C ends the calling process with status 130.
     """
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_stop_with_parent) as pool:
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which workers that still import inherit
-        for _ in range(workers):
-            pool.submit(int)  # starts a process
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         try:
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which workers that still import inherit
+            for _ in range(min(workers, jobs)):
+                pool.submit(int)  # starts a process
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # a Ctrl-C that came meanwhile is heeded here
             yield pool
         except KeyboardInterrupt:
             _stop(multiprocessing.active_children())
