@@ -7,7 +7,7 @@ import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, get_args
@@ -180,6 +180,13 @@ def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any colle
         fix = "; give each a name" if what == "trainer" else "; list it once"
         words = [twice[0], "trainer"] if isinstance(twice[0], str) else [f"{what}s"]
         raise GridError(f"the grid has {what} {twice[0]!r} more than once{fix}", *words)
+
+
+def repeated(rows: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, str]]:
+    """Names that several runs share, so that no table could tell these: how many they are, and the names."""
+    for row, count in Counter(tuple(row.items()) for row in rows).items():
+        if count > 1:
+            yield count, ", ".join(f"{name} {value}" for name, value in row if value != "")
 
 
 def check_names(what: str, names: Any, known: Any) -> None:  # noqa: ANN401 - any collections of strings

@@ -25,13 +25,12 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from experiments.grid import Cell, Grid, GridError, Trainer, check_names
+from experiments.grid import Cell, Grid, GridError, Trainer, check_names, repeated
 from transferkit.errors import ConfigError
 
 WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
@@ -60,16 +59,9 @@ def load_cells(path: Path) -> list[Cell]:
             cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
         except GridError as error:
             raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
-    _check_distinct_names(path, cells.values())
+    for count, what in repeated(cell.row for cell in cells.values()):
+        raise ConfigError(f"{path} has {count} settings of {what}; give each its own name in [[trainer]]")
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
-
-
-def _check_distinct_names(path: Path, cells: Iterable[Cell]) -> None:
-    """A table could not tell runs of one name and several settings."""
-    for row, count in Counter(tuple(cell.row.items()) for cell in cells).items():
-        if count > 1:
-            what = ", ".join(f"{name} {value}" for name, value in row if value != "")
-            raise ConfigError(f"{path} has {count} settings of {what}; give each its own name in [[trainer]]")
 
 
 def _line(text: str, part: int, where: list[str]) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 from experiments.arms import WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from experiments.cells import CELL, CELLS, VERSIONS, failures, problems, table
+from experiments.grid import repeated
 from experiments.references import best
 from experiments.report.runs import Arm, Array
 from experiments.verdict import TRANSFER, Verdict, judge
@@ -181,7 +181,5 @@ def _check_single(rows: Sequence[Mapping[str, Any]], root: Path) -> None:
         if len(found) > 1:
             raise RunDirectoryError(f"{root} holds runs of {trainer} on {target} with {len(found)} budgets; {fix}")
     names = ("target", "label", "core", "arm", "member", "seed")
-    for key, count in Counter(tuple(row[name] for name in names) for row in rows).items():
-        if count > 1:
-            what = ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True) if value != "")
-            raise RunDirectoryError(f"{root} holds {count} runs of {what}, with different settings; {fix}")
+    for count, what in repeated({name: row[name] for name in names} for row in rows):
+        raise RunDirectoryError(f"{root} holds {count} runs of {what}, with different settings; {fix}")
