@@ -9,7 +9,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from experiments.cells import problems, table
+from experiments.cells import problems
+from experiments.rows import table
 
 GRID = """
 steps = 40000

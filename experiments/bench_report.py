@@ -12,9 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from experiments.arms import ZERO_ACTION
-from experiments.cells import CELL, CELLS, MEASURED, write_csv
+from experiments.cells import CELL, CELLS, MEASURED
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
+from experiments.rows import write_csv
 from transferkit.run.directory import RECORD, RESULT
 from transferkit.run.files import write_json
 from transferkit.versions import versions

@@ -1,13 +1,12 @@
-"""A matrix on disk: a folder `cells/<hash of its configuration>` for every run, and two tables of those that are finished."""
+"""A matrix on disk: a folder `cells/<hash of its configuration>` for every run, what is in it, and what is wrong with it."""
 
 from __future__ import annotations
 
 import csv
 import functools
-import io
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,19 +20,11 @@ from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, read_json
 from transferkit.run.files import load_state, write_atomically
 
 CELL, ERROR = "cell.json", "error.txt"
-TABLE, EVALUATIONS = "cells.csv", "evaluations.csv"
+EVALUATIONS = "evaluations.csv"
 CELLS, SET_ASIDE = "cells", "damaged"
 NAMES = ("id", "core", "member", "target", "arm", "trainer", "algo", "preset", "seed")
 MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
 VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
-LAST = 50
-"""Episodes at the end whose mean return is the paper's measure."""
-
-EDITED = -10.0
-"""What stands for every return of 0 or less in the paper's released data of PPO on Hopper."""
-
-PAPER_MEASURES = ("last_50_mean", "last_50_edited", "all_mean")
-
 SMALL = (CELL, ERROR, f"run/{RECORD}", f"run/{RESULT}", "run/episodes.csv", f"run/{EVALUATIONS}", "run/model.csv")
 """What tables and reports need of a cell; the rest is checkpoints and logs."""
 
@@ -59,7 +50,7 @@ def problem(where: Path) -> str:
             return f"{CELL} describes another run than its folder's name"
         run = where / "run"
         if (run / RECORD).exists():
-            _made_by(run)
+            made_by(run)
         if (run / RESULT).exists():
             return _result_problem(run, trained=cell["arm"] != ZERO_ACTION)
         if (run / CHECKPOINT).exists():
@@ -110,12 +101,6 @@ def problems(out: Path) -> dict[Path, str]:
     return {where: what for where in cell_folders(out) if (what := problem(where))}
 
 
-def table(out: Path, damaged: Collection[Path]) -> list[dict[str, Any]]:
-    """A row for every finished run that is intact, in an order that does not depend on when they ran."""
-    rows = [_row(where) for where in cell_folders(out) if (where / "run" / RESULT).exists() and where not in damaged]
-    return sorted(rows, key=lambda row: [str(row[name]) for name in row])
-
-
 def failures(out: Path) -> Iterator[tuple[dict[str, Any], str]]:
     """Cells that failed when they were last tried: what they are, and the error."""
     for where in cell_folders(out):
@@ -123,26 +108,10 @@ def failures(out: Path) -> Iterator[tuple[dict[str, Any], str]]:
             yield read_json(where / CELL), (where / ERROR).read_text().strip()
 
 
-def _row(where: Path) -> dict[str, Any]:
-    cell, result = read_json(where / CELL), read_json(where / "run" / RESULT)
-    names = {name: value for name, value in cell.items() if name not in ("config", "command")}
-    names |= {f"budget_{name}": cell["config"].get(name) for name in ("episodes", "steps", "seconds")}
-    measured = {name: result[name] for name in MEASURED}
-    if cell["arm"] == ZERO_ACTION:
-        return names | measured | dict.fromkeys((*PAPER_MEASURES, "commit", *VERSIONS), "")
-    returns = columns(where / "run", "episodes")["return"]
-    edited = np.where(returns[-LAST:] <= 0, EDITED, returns[-LAST:])
-    means = dict(zip(PAPER_MEASURES, map(_mean, (returns[-LAST:], edited, returns)), strict=True))
-    return names | measured | means | _made_by(where / "run")
-
-
-def _made_by(run: Path) -> dict[str, str]:
+def made_by(run: Path) -> dict[str, str]:
+    """Commit and versions that a run was made with."""
     record = read_json(run / RECORD)
     return {"commit": (record["git"] or {}).get("commit", ""), **{name: record["versions"].get(name, "") for name in VERSIONS}}
-
-
-def _mean(returns: NDArray[np.float64]) -> float | str:
-    return round(float(np.mean(returns)), 3) if len(returns) else ""
 
 
 def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
@@ -157,34 +126,6 @@ def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
     with path.open(newline="") as file:
         header, *rows = csv.reader(file)
     return dict(zip(header, np.array(rows, float).reshape(-1, len(header)).T, strict=True))
-
-
-def collect(out: Path) -> list[dict[str, Any]]:
-    """Write the table of all finished runs, which is returned, and that of their evaluations."""
-    rows = table(out, problems(out))
-    for name, found in ((TABLE, rows), (EVALUATIONS, evaluations(out, rows))):
-        if found:
-            write_csv(out / name, found)
-    return rows
-
-
-def evaluations(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row for every evaluation of these runs, with what tells the run."""
-    found = []
-    for row in rows:
-        if row["arm"] != ZERO_ACTION:
-            with (out / CELLS / row["id"] / "run" / EVALUATIONS).open(newline="") as file:
-                found += [{name: row[name] for name in NAMES} | evaluation for evaluation in csv.DictReader(file)]
-    return found
-
-
-def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
-    """Rows that have the same keys, as a file that is there or not there."""
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    write_atomically(path, text.getvalue().encode())
 
 
 def pack(where: Path) -> dict[str, bytes]:

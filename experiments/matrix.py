@@ -23,11 +23,12 @@ from typing import Any
 import torch
 
 from experiments.arms import ARMS, WITHOUT_CORE, ZERO_ACTION
-from experiments.cells import CELL, CELLS, ERROR, TABLE, collect, finished, folder, problems, set_damaged_aside, table
+from experiments.cells import CELL, CELLS, ERROR, finished, folder, problems, set_damaged_aside
 from experiments.cluster import check_address, ray_pool
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
 from experiments.plan import plan
+from experiments.rows import TABLE, collect, table
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
 from transferkit.errors import ConfigError, Interrupted, RunInUseError, TransferkitError
@@ -82,8 +83,10 @@ def _run(options: argparse.Namespace) -> int:
     damaged = problems(options.out)
     if not options.dry_run:
         tidy(options.out, cells, damaged)
-    todo = [cell for cell in cells if not finished(options.out, cell).exists()]
-    print(plan(cells, todo, table(options.out, damaged), options.workers), flush=True)
+    done = table(options.out, damaged)
+    known = {row["id"] for row in done}
+    todo = [cell for cell in cells if cell.id not in known]
+    print(plan(cells, todo, done, options.workers), flush=True)
     if options.dry_run:
         return 0
     failed = run_all(todo, options.out, options.workers, options.ray)

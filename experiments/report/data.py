@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 
 from experiments.arms import WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
-from experiments.cells import CELL, CELLS, VERSIONS, failures, problems, table
+from experiments.cells import CELL, CELLS, VERSIONS, failures, problems
 from experiments.grid import repeated
 from experiments.references import best
 from experiments.report.runs import Arm, Array
+from experiments.rows import table
 from experiments.verdict import TRANSFER, Verdict, judge
 from transferkit import stats
 from transferkit.errors import RunDirectoryError
@@ -128,7 +129,8 @@ def load_matrix(root: Path) -> Matrix:
         )
     labelled = [{**row, "label": label(row)} for row in rows]
     _check_single(labelled, root)
-    commands = sorted({read_json(root / CELLS / row["id"] / CELL)["command"] for row in rows})
+    paths = (root / CELLS / row["id"] / CELL for row in rows)
+    commands = sorted({read_json(path)["command"] for path in paths if path.exists()})
     made_by = {tuple(f"{name} {row[name]}" for name in (*VERSIONS, "commit")) for row in rows if row["arm"] != ZERO_ACTION}
     return Matrix(
         labelled,

@@ -35,6 +35,8 @@ def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
     drawn = []
     for target in dict.fromkeys(group.target for group in matrix.groups):
         groups = [group for group in matrix.groups if group.target == target]
+        if not any(arm.episodes for arm in lines_of(groups).values()):
+            continue  # only rows are known
         drawn.append(_save(_learning_curves(target, groups), folder / f"curves_{_slug(target)}"))
         model_free = [group for group in groups if "dyna" not in group.trainer]
         if model_free and len(model_free) < len(groups):

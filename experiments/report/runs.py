@@ -61,14 +61,14 @@ class Arm:
 
     @functools.cached_property
     def episodes(self) -> dict[Key, dict[str, Array]]:
-        """For every trained run its training returns and the environment steps at the end of each episode."""
-        tables = {_key(row): columns(self._run(row), "episodes") for row in self.rows if row["episodes"]}
+        """For every trained run that is here its training returns and the environment steps at the end of each episode."""
+        tables = {_key(row): columns(self._run(row), "episodes") for row in self._kept if row["episodes"]}
         return {key: {"returns": t["return"], "episodes": t["episode"], "steps": t["steps"]} for key, t in tables.items()}
 
     @functools.cached_property
     def evaluations(self) -> dict[Key, dict[str, Array]]:
-        """For every run that was evaluated more than once, those evaluations."""
-        tables = {_key(row): columns(self._run(row), EVALUATIONS) for row in self.rows if row["steps"]}
+        """For every run that is here and was evaluated more than once, those evaluations."""
+        tables = {_key(row): columns(self._run(row), EVALUATIONS) for row in self._kept if row["steps"]}
         return {
             key: {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]}
             for key, t in tables.items()
@@ -88,6 +88,11 @@ class Arm:
         values = np.array([[np.interp(x, run[axis], smoothed(run)) for run in row] for row in grid])
         low, high = stats.crossed_band(values, stats.iqm, resamples=RESAMPLES)
         return Curve(len(runs), x, stats.iqm(values.reshape(-1, POINTS), axis=0), low, high)
+
+    @property
+    def _kept(self) -> list[Mapping[str, Any]]:
+        """Runs whose folders are there, not only their rows."""
+        return [row for row in self.rows if self._run(row).exists()]
 
     def _run(self, row: Mapping[str, Any]) -> Path:
         return self.root / CELLS / row["id"] / "run"

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from experiments.cells import TABLE
+from experiments.rows import TABLE
 
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 from ray.cluster_utils import Cluster

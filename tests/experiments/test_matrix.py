@@ -10,6 +10,7 @@ import pytest
 from experiments import matrix
 from experiments.cells import EVALUATIONS
 from experiments.grid_file import load_cells
+from experiments.rows import KNOWN, table
 from transferkit.errors import TransferkitError
 
 GRID = """
@@ -139,3 +140,21 @@ def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):
     assert matrix.run_cell(cell, tmp_path, "test").error == ""
     assert not error.exists()
     assert matrix.collect(tmp_path)[0]["arm"] == "transfer"
+
+
+def test_a_table_stands_for_runs_whose_folders_are_gone(grid, tmp_path, monkeypatch, capsys):
+    path, out = grid(), tmp_path / "out"
+    assert matrix.run_cell(load_cells(path)[0], tmp_path / "lost", "test").error == ""
+    rows = matrix.collect(tmp_path / "lost")
+    (out / KNOWN).mkdir(parents=True)
+    earlier = (tmp_path / "lost" / matrix.TABLE).rename(out / KNOWN / "earlier.csv")
+    assert table(out, []) == rows
+    monkeypatch.setattr("sys.argv", ["matrix", str(path), "--out", str(out), "--dry-run"])
+    assert matrix.main() == 0
+    assert "7 runs, 6 to do" in capsys.readouterr().out
+    earlier.write_text(earlier.read_text()[:-80])
+    assert matrix.main() == 2
+    assert "line 2, is no finished run; put a cells.csv" in capsys.readouterr().err
+    earlier.write_text("id,core\n")
+    assert matrix.main() == 2
+    assert "has no column member" in capsys.readouterr().err

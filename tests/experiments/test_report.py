@@ -16,6 +16,7 @@ from experiments.grid_file import load_cells
 from experiments.report.data import Group, load_matrix
 from experiments.report.runs import Arm, running_mean
 from experiments.report.tables import arm_rows
+from experiments.rows import KNOWN
 from experiments.verdict import paired
 from transferkit.errors import RunDirectoryError
 
@@ -52,6 +53,16 @@ def page(results):
     command = [sys.executable, "-m", "experiments.report", str(results), "--out", str(results / "report.html")]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     return results / "report.html"
+
+
+def test_committed_rows_give_the_same_tables_without_curves(page, results, tmp_path):
+    (tmp_path / KNOWN).mkdir()
+    shutil.copy(results / "report_files" / "runs.csv", tmp_path / KNOWN)
+    command = [sys.executable, "-m", "experiments.report", str(tmp_path), "--out", str(tmp_path / "rows.html")]
+    subprocess.run(command, check=True, capture_output=True, timeout=120)
+    for name in ("runs", "arms", "verdicts", "aggregates", "paper_measures"):
+        assert read(tmp_path / "rows_files" / f"{name}.csv") == read(results / "report_files" / f"{name}.csv")
+    assert not list((tmp_path / "rows_files").glob("curves*"))
 
 
 def read(path):
