@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from experiments.cells import problems
-from experiments.rows import table
+from experiments.rows import ended
 
 GRID = """
 steps = 40000
@@ -42,7 +42,7 @@ def measure(workers: int) -> tuple[float, float, int]:
         started = time.perf_counter()
         subprocess.run(command, check=True, capture_output=True)
         seconds = time.perf_counter() - started
-        rows = table(out, problems(out))
+        rows, _ = ended(out, problems(out))
     return seconds, sum(row["seconds"] for row in rows), len(rows)
 
 

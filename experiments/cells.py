@@ -6,9 +6,8 @@ import csv
 import functools
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,13 +98,6 @@ def cell_folders(out: Path) -> list[Path]:
 def problems(out: Path) -> dict[Path, str]:
     """What is wrong with the files of each cell where something is."""
     return {where: what for where in cell_folders(out) if (what := problem(where))}
-
-
-def failures(out: Path) -> Iterator[tuple[dict[str, Any], str]]:
-    """Cells that failed when they were last tried: what they are, and the error."""
-    for where in cell_folders(out):
-        if (where / ERROR).exists() and not (where / "run" / RESULT).exists():
-            yield read_json(where / CELL), (where / ERROR).read_text().strip()
 
 
 def made_by(run: Path) -> dict[str, str]:

@@ -28,7 +28,7 @@ from experiments.cluster import check_address, ray_pool
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
 from experiments.plan import plan
-from experiments.rows import TABLE, collect, table
+from experiments.rows import TABLE, collect, ended
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
 from transferkit.errors import ConfigError, Interrupted, RunInUseError, TransferkitError
@@ -83,7 +83,7 @@ def _run(options: argparse.Namespace) -> int:
     damaged = problems(options.out)
     if not options.dry_run:
         tidy(options.out, cells, damaged)
-    done = table(options.out, damaged)
+    done, _ = ended(options.out, damaged)
     known = {row["id"] for row in done}
     todo = [cell for cell in cells if cell.id not in known]
     print(plan(cells, todo, done, options.workers), flush=True)

@@ -1,7 +1,7 @@
-"""A matrix as tables: a row for every finished run, and one for each of its evaluations.
+"""A matrix as tables: a row for every run that ended, and one for each evaluation.
 
-A table can stand for runs whose folders are gone: what `known/*.csv` in a matrix's folder lists counts as finished, and enters
-tables and reports, without curves.
+A table can stand for runs whose folders are gone: what `known/*.csv` in a matrix's folder lists enters tables and reports,
+without curves, and what finished is not run again.
 """
 
 from __future__ import annotations
@@ -17,7 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arms import ZERO_ACTION
-from experiments.cells import CELL, CELLS, EVALUATIONS, MEASURED, NAMES, VERSIONS, cell_folders, columns, made_by, problems
+from experiments.cells import (
+    CELL,
+    CELLS,
+    ERROR,
+    EVALUATIONS,
+    MEASURED,
+    NAMES,
+    VERSIONS,
+    cell_folders,
+    columns,
+    made_by,
+    problems,
+)
 from transferkit.errors import RunDirectoryError
 from transferkit.run.directory import RESULT, read_json
 from transferkit.run.files import write_atomically
@@ -31,74 +43,86 @@ EDITED = -10.0
 
 PAPER_MEASURES = ("last_50_mean", "last_50_edited", "all_mean")
 BUDGETS = ("budget_episodes", "budget_steps", "budget_seconds")
-COLUMNS = (*NAMES, *BUDGETS, *MEASURED, *PAPER_MEASURES, "commit", *VERSIONS)
+COLUMNS = (*NAMES, *BUDGETS, *MEASURED, *PAPER_MEASURES, "commit", *VERSIONS, "error")
 NUMBERS = ("member", "seed", *BUDGETS, *MEASURED, *PAPER_MEASURES)
 
+Row = dict[str, Any]
 
-def collect(out: Path) -> list[dict[str, Any]]:
-    """Write the table of all finished runs, which is returned, and that of their evaluations."""
-    rows = table(out, problems(out))
-    for name, found in ((TABLE, rows), (EVALUATIONS, evaluations(out, rows))):
+
+def collect(out: Path) -> list[Row]:
+    """Write the table of all runs that ended, and that of evaluations; returns the rows of those that finished."""
+    finished, failed = ended(out, problems(out))
+    for name, found in ((TABLE, finished + failed), (EVALUATIONS, evaluations(out, finished))):
         if found:
             write_csv(out / name, found)
-    return rows
+    return finished
 
 
-def table(out: Path, damaged: Collection[Path]) -> list[dict[str, Any]]:
-    """A row for every finished run that is intact or known, in an order that does not depend on when they ran.
+def ended(out: Path, damaged: Collection[Path]) -> tuple[list[Row], list[Row]]:
+    """Rows of the runs that finished, and of those that failed when they were last tried, intact or known.
+
+    Their order does not depend on when they ran.
 
     Raises:
         RunDirectoryError: a table of known runs is damaged.
     """
     rows = {row["id"]: row for path in sorted((out / KNOWN).glob("*.csv")) for row in _known(path)}
-    here = (where for where in cell_folders(out) if (where / "run" / RESULT).exists() and where not in damaged)
-    rows |= {where.name: _row(where) for where in here}
-    return sorted(rows.values(), key=lambda row: [str(row[name]) for name in row])
+    for where in cell_folders(out):
+        if where not in damaged and ((where / "run" / RESULT).exists() or (where / ERROR).exists()):
+            rows[where.name] = _row(where)
+    ordered = sorted(rows.values(), key=lambda row: [str(row[name]) for name in row])
+    return [row for row in ordered if not row["error"]], [row for row in ordered if row["error"]]
 
 
-def _row(where: Path) -> dict[str, Any]:
-    cell, result = read_json(where / CELL), read_json(where / "run" / RESULT)
-    names = {name: cell[name] for name in NAMES} | {name: cell["config"].get(name.removeprefix("budget_")) for name in BUDGETS}
-    measured = {name: result[name] for name in MEASURED}
+def _row(where: Path) -> Row:
+    cell, row = read_json(where / CELL), dict.fromkeys(COLUMNS, "")
+    row |= {name: cell[name] for name in NAMES} | {name: cell["config"].get(name.removeprefix("budget_")) for name in BUDGETS}
+    if not (where / "run" / RESULT).exists():
+        return row | {"error": (where / ERROR).read_text().strip()}
+    result = read_json(where / "run" / RESULT)
+    row |= {name: result[name] for name in MEASURED}
     if cell["arm"] == ZERO_ACTION:
-        return names | measured | dict.fromkeys((*PAPER_MEASURES, "commit", *VERSIONS), "")
+        return row
     returns = columns(where / "run", "episodes")["return"]
     edited = np.where(returns[-LAST:] <= 0, EDITED, returns[-LAST:])
     means = dict(zip(PAPER_MEASURES, map(_mean, (returns[-LAST:], edited, returns)), strict=True))
-    return names | measured | means | made_by(where / "run")
+    return row | means | made_by(where / "run")
 
 
 def _mean(returns: NDArray[np.float64]) -> float | str:
     return round(float(np.mean(returns)), 3) if len(returns) else ""
 
 
-def _known(path: Path) -> Iterator[dict[str, Any]]:
-    """The rows of a table that `collect` wrote, with the types that they had."""
+def _known(path: Path) -> Iterator[Row]:
+    """The rows of a table that `collect` wrote, with the types that they had; earlier ones had no errors."""
     fix = f"put a {TABLE} there as a matrix wrote it, or remove the file"
     with path.open(newline="") as file:
         reader = csv.DictReader(file)
-        lacking = [name for name in COLUMNS if name not in (reader.fieldnames or ())]
+        lacking = [name for name in COLUMNS[:-1] if name not in (reader.fieldnames or ())]
         if lacking:
             raise RunDirectoryError(f"{path} has no column {lacking[0]}; {fix}")
         for row in reader:
             try:
-                if None in row.values():
-                    raise ValueError
-                yield {name: _number(name, row[name]) if name in NUMBERS else row[name] for name in COLUMNS}
+                yield _typed({"error": "", **row})
             except (ValueError, TypeError):
-                raise RunDirectoryError(f"{path}, line {reader.line_num}, is no finished run; {fix}") from None
+                raise RunDirectoryError(f"{path}, line {reader.line_num}, is no run that ended; {fix}") from None
 
 
-def _number(name: str, text: str) -> float | str | None:
-    if not text and name not in MEASURED:
-        return None if name in BUDGETS else ""
-    value = int(text) if text.isdecimal() else float(text)
-    if not math.isfinite(value):
-        raise ValueError(text)
-    return value
+def _typed(row: Mapping[str, str]) -> Row:
+    if None in row.values():
+        raise ValueError(row)
+    typed: Row = {name: row[name] for name in COLUMNS}
+    for name in NUMBERS:
+        if row[name]:
+            typed[name] = int(row[name]) if row[name].isdecimal() else float(row[name])
+        elif name in BUDGETS:
+            typed[name] = None
+        if name in MEASURED and not row["error"] and not math.isfinite(float(row[name])):
+            raise ValueError(row[name])
+    return typed
 
 
-def evaluations(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def evaluations(out: Path, rows: Sequence[Row]) -> list[Row]:
     """A row for every evaluation of those of these runs whose folders are here, with what tells the run."""
     found = []
     for row in rows:
@@ -109,7 +133,7 @@ def evaluations(out: Path, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, 
     return found
 
 
-def write_csv(path: Path, rows: list[dict[str, Any]]) -> None:
+def write_csv(path: Path, rows: list[Row]) -> None:
     """Rows that have the same keys, as a file that is there or not there."""
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")

@@ -38,7 +38,7 @@ def report(results: Path, out: Path) -> None:
     folder = out.with_name(f"{out.stem}_files")
     pictures = draw_all(matrix, folder)
     found = {
-        "runs": [{name: value for name, value in row.items() if name != "label"} for row in matrix.rows],
+        "runs": [{name: value for name, value in row.items() if name != "label"} for row in (*matrix.rows, *matrix.failed)],
         "arms": [row for group in matrix.groups for row in arm_rows(group)],
         "verdicts": verdict_rows(matrix),
         "aggregates": aggregate_rows(matrix),

@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 
 from experiments.arms import WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
-from experiments.cells import CELL, CELLS, VERSIONS, failures, problems
+from experiments.cells import CELL, CELLS, VERSIONS, problems
 from experiments.grid import repeated
 from experiments.references import best
 from experiments.report.runs import Arm, Array
-from experiments.rows import table
+from experiments.rows import ended
 from experiments.verdict import TRANSFER, Verdict, judge
 from transferkit import stats
 from transferkit.errors import RunDirectoryError
@@ -107,7 +107,7 @@ class Matrix:
 
     rows: Sequence[Mapping[str, Any]]
     groups: Sequence[Group]
-    failed: Sequence[tuple[Mapping[str, Any], str]]
+    failed: Sequence[Mapping[str, Any]]
     damaged: Sequence[str]
     commands: Sequence[str]
     versions: Sequence[str]
@@ -121,21 +121,21 @@ def load_matrix(root: Path) -> Matrix:
         RunDirectoryError: no finished run is there.
     """
     damaged = problems(root)
-    rows, failed = table(root, damaged), list(failures(root))
-    if not rows:
-        lost = f" and {len(failed)} failed ones ({failed[0][1]})" if failed else ""
+    finished, failed = ended(root, damaged)
+    if not finished:
+        but = f" and {len(failed)} failed ones ({failed[0]['error']})" if failed else ""
         raise RunDirectoryError(
-            f"{root} holds no finished run{lost}; make some with `python -m experiments.matrix GRID --out {root}`"
+            f"{root} holds no finished run{but}; make some with `python -m experiments.matrix GRID --out {root}`"
         )
-    labelled = [{**row, "label": label(row)} for row in rows]
-    _check_single(labelled, root)
+    rows, lost = ([{**row, "label": label(row)} for row in found] for found in (finished, failed))
+    _check_single(rows, root)
     paths = (root / CELLS / row["id"] / CELL for row in rows)
     commands = sorted({read_json(path)["command"] for path in paths if path.exists()})
     made_by = {tuple(f"{name} {row[name]}" for name in (*VERSIONS, "commit")) for row in rows if row["arm"] != ZERO_ACTION}
     return Matrix(
-        labelled,
-        _groups(labelled, [{**cell, "label": label(cell)} for cell, _ in failed], root),
-        failed,
+        rows,
+        _groups(rows, lost, root),
+        lost,
         [f"{where.name}: {what}" for where, what in damaged.items()],
         commands,
         [", ".join(names) for names in sorted(made_by)],

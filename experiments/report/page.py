@@ -76,7 +76,7 @@ def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:
     """What a cell's figures need; curves that cells share are stored once."""
     arms = []
     for name, arm in group.arms.items():
-        key = f"{group.trainer}|{group.target}|{name}|{min(row['core'] for row in arm.rows)}"
+        key = f"{group.trainer}|{group.target}|{name}|{min(row['core'] for row in (*arm.rows, *arm.failed))}"
         if key not in curves:
             curves[key] = (
                 {}

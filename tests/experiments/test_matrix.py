@@ -10,7 +10,7 @@ import pytest
 from experiments import matrix
 from experiments.cells import EVALUATIONS
 from experiments.grid_file import load_cells
-from experiments.rows import KNOWN, table
+from experiments.rows import KNOWN, ended
 from transferkit.errors import TransferkitError
 
 GRID = """
@@ -137,6 +137,11 @@ def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):
     error = matrix.folder(tmp_path, cell) / matrix.ERROR
     assert error.exists()
     assert matrix.collect(tmp_path) == []
+    (tmp_path / "copy" / KNOWN).mkdir(parents=True)
+    (tmp_path / matrix.TABLE).rename(tmp_path / "copy" / KNOWN / "failed.csv")
+    (failed,) = ended(tmp_path / "copy", [])[1]
+    assert ended(tmp_path, []) == ([], [failed])
+    assert failed["error"] == outcome.error
     assert matrix.run_cell(cell, tmp_path, "test").error == ""
     assert not error.exists()
     assert matrix.collect(tmp_path)[0]["arm"] == "transfer"
@@ -148,13 +153,13 @@ def test_a_table_stands_for_runs_whose_folders_are_gone(grid, tmp_path, monkeypa
     rows = matrix.collect(tmp_path / "lost")
     (out / KNOWN).mkdir(parents=True)
     earlier = (tmp_path / "lost" / matrix.TABLE).rename(out / KNOWN / "earlier.csv")
-    assert table(out, []) == rows
+    assert ended(out, []) == (rows, [])
     monkeypatch.setattr("sys.argv", ["matrix", str(path), "--out", str(out), "--dry-run"])
     assert matrix.main() == 0
     assert "7 runs, 6 to do" in capsys.readouterr().out
     earlier.write_text(earlier.read_text()[:-80])
     assert matrix.main() == 2
-    assert "line 2, is no finished run; put a cells.csv" in capsys.readouterr().err
+    assert "line 2, is no run that ended; put a cells.csv" in capsys.readouterr().err
     earlier.write_text("id,core\n")
     assert matrix.main() == 2
     assert "has no column member" in capsys.readouterr().err
