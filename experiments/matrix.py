@@ -1,8 +1,8 @@
 """Run a grid: `python -m experiments.matrix experiments/grids/first.toml --out results/first [--workers 2] [--dry-run]`.
 
 Every run is a folder `cells/<hash of its configuration>` with a run directory in it. The same command goes on after any
-interruption; folders of several machines are merged by copying them into one `cells`. `cells.csv` holds one row for every
-finished run, `evaluations.csv` one for each of their evaluations.
+interruption; folders of several machines are merged by copying them into one `cells`. `cells.csv` holds one row for every run
+that ended, `evaluations.csv` one for each of their evaluations.
 """
 
 from __future__ import annotations

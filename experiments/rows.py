@@ -31,7 +31,7 @@ from experiments.cells import (
     problems,
 )
 from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import RESULT, read_json
+from transferkit.run.directory import RECORD, RESULT, read_json
 from transferkit.run.files import write_atomically
 
 TABLE, KNOWN = "cells.csv", "known"
@@ -66,11 +66,11 @@ def ended(out: Path, damaged: Collection[Path]) -> tuple[list[Row], list[Row]]:
     Raises:
         RunDirectoryError: a table of known runs is damaged.
     """
-    rows = {row["id"]: row for path in sorted((out / KNOWN).glob("*.csv")) for row in _known(path)}
+    rows = _known_rows(out)
     for where in cell_folders(out):
         if where not in damaged and ((where / "run" / RESULT).exists() or (where / ERROR).exists()):
             rows[where.name] = _row(where)
-    ordered = sorted(rows.values(), key=lambda row: [str(row[name]) for name in row])
+    ordered = sorted(rows.values(), key=lambda row: row["id"])
     return [row for row in ordered if not row["error"]], [row for row in ordered if row["error"]]
 
 
@@ -78,7 +78,8 @@ def _row(where: Path) -> Row:
     cell, row = read_json(where / CELL), dict.fromkeys(COLUMNS, "")
     row |= {name: cell[name] for name in NAMES} | {name: cell["config"].get(name.removeprefix("budget_")) for name in BUDGETS}
     if not (where / "run" / RESULT).exists():
-        return row | {"error": (where / ERROR).read_text().strip()}
+        made = made_by(where / "run") if (where / "run" / RECORD).exists() else {}
+        return row | made | {"error": (where / ERROR).read_text().strip()}
     result = read_json(where / "run" / RESULT)
     row |= {name: result[name] for name in MEASURED}
     if cell["arm"] == ZERO_ACTION:
@@ -93,33 +94,60 @@ def _mean(returns: NDArray[np.float64]) -> float | str:
     return round(float(np.mean(returns)), 3) if len(returns) else ""
 
 
-def _known(path: Path) -> Iterator[Row]:
+def _known_rows(out: Path) -> dict[str, Row]:
+    """The rows of all tables of known runs, by id; of a run that failed once and finished once, the latter."""
+    rows: dict[str, Row] = {}
+    for path in sorted((out / KNOWN).glob("*.csv")):
+        for row in _read(path):
+            earlier = rows.get(row["id"])
+            if earlier is None or earlier["error"]:
+                rows[row["id"]] = row
+            elif not row["error"] and row["eval_return_mean"] != earlier["eval_return_mean"]:
+                scores = f"{earlier['eval_return_mean']} and {row['eval_return_mean']}"
+                raise RunDirectoryError(
+                    f"{path} has run {row['id']} with another score than before it ({scores}); keep one of them"
+                )
+    return rows
+
+
+def _read(path: Path) -> Iterator[Row]:
     """The rows of a table that `collect` wrote, with the types that they had; earlier ones had no errors."""
     fix = f"put a {TABLE} there as a matrix wrote it, or remove the file"
-    with path.open(newline="") as file:
-        reader = csv.DictReader(file)
-        lacking = [name for name in COLUMNS[:-1] if name not in (reader.fieldnames or ())]
-        if lacking:
-            raise RunDirectoryError(f"{path} has no column {lacking[0]}; {fix}")
-        for row in reader:
-            try:
-                yield _typed({"error": "", **row})
-            except (ValueError, TypeError):
-                raise RunDirectoryError(f"{path}, line {reader.line_num}, is no run that ended; {fix}") from None
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.DictReader(file)
+            lacking = [name for name in COLUMNS if name not in ("error", *(reader.fieldnames or ()))]
+            if lacking:
+                raise RunDirectoryError(f"{path} has no column {lacking[0]}; {fix}")
+            for row in reader:
+                try:
+                    yield _typed({"error": "", **row})
+                except ValueError:
+                    raise RunDirectoryError(f"{path}, line {reader.line_num}, is no run that ended; {fix}") from None
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise RunDirectoryError(f"{path} is no table ({error}); {fix}") from None
 
 
-def _typed(row: Mapping[str, str]) -> Row:
-    if None in row.values():
+def _typed(row: Mapping[str | None, str | None]) -> Row:
+    """With numbers where they belong.
+
+    Raises:
+        ValueError: a cell too many or too few, no number where one must be, or one that is not finite.
+    """
+    if None in row or None in row.values():
         raise ValueError(row)
     typed: Row = {name: row[name] for name in COLUMNS}
+    wanted = ("id", "target", "arm", "member", "seed", *(() if row["error"] else MEASURED))
+    if not all(typed[name] for name in wanted):
+        raise ValueError(row)
     for name in NUMBERS:
-        if row[name]:
-            typed[name] = int(row[name]) if row[name].isdecimal() else float(row[name])
+        if typed[name]:
+            typed[name] = int(typed[name]) if typed[name].isdecimal() else float(typed[name])
+            if not math.isfinite(typed[name]):
+                raise ValueError(typed[name])
         elif name in BUDGETS:
             typed[name] = None
-        if name in MEASURED and not row["error"] and not math.isfinite(float(row[name])):
-            raise ValueError(row[name])
-    return typed
+    return typed | {name: int(row[name] or "") for name in ("member", "seed")}
 
 
 def evaluations(out: Path, rows: Sequence[Row]) -> list[Row]:

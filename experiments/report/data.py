@@ -128,7 +128,7 @@ def load_matrix(root: Path) -> Matrix:
             f"{root} holds no finished run{but}; make some with `python -m experiments.matrix GRID --out {root}`"
         )
     rows, lost = ([{**row, "label": label(row)} for row in found] for found in (finished, failed))
-    _check_single(rows, root)
+    _check_single(rows + lost, root)
     paths = (root / CELLS / row["id"] / CELL for row in rows)
     commands = sorted({read_json(path)["command"] for path in paths if path.exists()})
     made_by = {tuple(f"{name} {row[name]}" for name in (*VERSIONS, "commit")) for row in rows if row["arm"] != ZERO_ACTION}

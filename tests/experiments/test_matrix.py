@@ -157,9 +157,18 @@ def test_a_table_stands_for_runs_whose_folders_are_gone(grid, tmp_path, monkeypa
     monkeypatch.setattr("sys.argv", ["matrix", str(path), "--out", str(out), "--dry-run"])
     assert matrix.main() == 0
     assert "7 runs, 6 to do" in capsys.readouterr().out
-    earlier.write_text(earlier.read_text()[:-80])
+    whole, score = earlier.read_text(), str(rows[0]["eval_return_mean"])
+    (out / KNOWN / "other.csv").write_text(whole.replace(score, "1.5"))
     assert matrix.main() == 2
-    assert "line 2, is no run that ended; put a cells.csv" in capsys.readouterr().err
+    assert f"with another score than before it ({score} and 1.5)" in capsys.readouterr().err
+    (out / KNOWN / "other.csv").unlink()
+    for cut in (whole[:-80], whole.replace(score, "nan"), whole.replace(score, "")):
+        earlier.write_text(cut)
+        assert matrix.main() == 2
+        assert "line 2, is no run that ended; put a cells.csv" in capsys.readouterr().err
+    earlier.write_bytes(b"\xff\x00")
+    assert matrix.main() == 2
+    assert "is no table" in capsys.readouterr().err
     earlier.write_text("id,core\n")
     assert matrix.main() == 2
     assert "has no column member" in capsys.readouterr().err
