@@ -44,7 +44,7 @@ EDITED = -10.0
 PAPER_MEASURES = ("last_50_mean", "last_50_edited", "all_mean")
 BUDGETS = ("budget_episodes", "budget_steps", "budget_seconds")
 COLUMNS = (*NAMES, *BUDGETS, *MEASURED, *PAPER_MEASURES, "commit", *VERSIONS, "error")
-NUMBERS = ("member", "seed", *BUDGETS, *MEASURED, *PAPER_MEASURES)
+NUMBERS = (*BUDGETS, *MEASURED, *PAPER_MEASURES)
 
 Row = dict[str, Any]
 
@@ -136,8 +136,8 @@ def _typed(row: Mapping[str | None, str | None]) -> Row:
     """
     if None in row or None in row.values():
         raise ValueError(row)
-    typed: Row = {name: row[name] for name in COLUMNS}
-    wanted = ("id", "target", "arm", "member", "seed", *(() if row["error"] else MEASURED))
+    typed: Row = {name: row[name] for name in COLUMNS} | {name: int(row[name] or "") for name in ("member", "seed")}
+    wanted = ("id", "target", "arm", *(() if row["error"] else MEASURED))
     if not all(typed[name] for name in wanted):
         raise ValueError(row)
     for name in NUMBERS:
@@ -147,7 +147,7 @@ def _typed(row: Mapping[str | None, str | None]) -> Row:
                 raise ValueError(typed[name])
         elif name in BUDGETS:
             typed[name] = None
-    return typed | {name: int(row[name] or "") for name in ("member", "seed")}
+    return typed
 
 
 def evaluations(out: Path, rows: Sequence[Row]) -> list[Row]:
