@@ -36,7 +36,7 @@ from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.policy import Policy
 from transferkit.run.directory import read_json
 from transferkit.run.files import write_atomically, write_json
-from transferkit.run.workers import GRACE, worker_pool
+from transferkit.run.workers import GRACE, import_beside, worker_pool
 from transferkit.transfer import run_training
 from transferkit.zoo.artifact import load_core
 
@@ -66,6 +66,9 @@ def main() -> int:
     options = parser.parse_args()
     try:
         return _run(options)
+    except KeyboardInterrupt:
+        print("stopped before the first run; the same command starts again", file=sys.stderr)
+        return 130
     except TransferkitError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
@@ -86,6 +89,8 @@ def _run(options: argparse.Namespace) -> int:
     done, _ = ended(options.out, damaged)
     known = {row["id"] for row in done}
     todo = [cell for cell in cells if cell.id not in known]
+    if todo and not (options.ray or options.dry_run):
+        import_beside("experiments.arms", "transferkit.ppo", "transferkit.dyna")  # while the plan tries how fast a run is
     print(plan(cells, todo, done, options.workers), flush=True)
     if options.dry_run:
         return 0

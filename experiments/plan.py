@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -50,8 +51,8 @@ def trial(cell: Cell) -> float:
     A policy that learns not to fall has longer episodes, so a budget of episodes alone may take longer.
     """
     config = replace(cell.config, core=None, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0)
-    with tempfile.TemporaryDirectory() as scratch:
-        result = run_training(config, out=Path(scratch) / "trial")
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # where training leaves Ctrl-C alone
+        result = thread.submit(run_training, config, out=Path(scratch) / "trial").result()
     per_step = result.seconds / result.steps
     if cell.config.episodes is None:
         steps = float("inf")

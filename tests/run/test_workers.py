@@ -2,14 +2,24 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 
+import pytest
+
+from transferkit.run.workers import _held_interrupts
+
 PARENT = """
-import os, time
-from transferkit.run.workers import worker_pool
+import os, sys, time
+from transferkit.run.workers import import_beside, worker_pool
+
+def has_it():
+    return "colorsys" in sys.modules
 
 if __name__ == "__main__":
+    import_beside("colorsys")
     with worker_pool(1, 1) as pool:
+        print(has_it(), pool.submit(has_it).result(), flush=True)
         print(pool.submit(os.getpid).result(), flush=True)
         pool.submit(time.sleep, 600).result()
 """
@@ -23,10 +33,11 @@ def alive(pid):
         return False
 
 
-def test_workers_end_when_their_parent_is_killed(tmp_path):
+def test_workers_have_what_was_imported_beside_and_end_when_their_parent_is_killed(tmp_path):
     script = tmp_path / "parent.py"
     script.write_text(PARENT)
     parent = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout.readline() == "False True\n"
     worker = int(parent.stdout.readline())
     assert alive(worker)
     os.kill(parent.pid, signal.SIGKILL)
@@ -35,3 +46,19 @@ def test_workers_end_when_their_parent_is_killed(tmp_path):
     while alive(worker) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not alive(worker)
+
+
+def test_a_ctrl_c_waits_also_where_another_thread_gets_it():
+    over = threading.Event()
+    threading.Thread(target=over.wait).start()  # takes the signal that the main thread masks
+    steps = []
+
+    def start():
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0.1)
+        steps.append("afterwards")
+
+    with pytest.raises(KeyboardInterrupt), _held_interrupts():
+        start()
+    over.set()
+    assert steps == ["afterwards"]

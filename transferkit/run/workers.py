@@ -11,10 +11,24 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
 
 GRACE = 15.0
 """Seconds that a worker has to save its run once its parent is gone."""
+
+
+_CONTEXT = multiprocessing.get_context("forkserver")
+
+
+def import_beside(*modules: str) -> None:
+    """Begin to import modules in a process beside this one; workers are forked from it and have them from the start.
+
+    Only the first call before there are any workers has an effect.
+    """
+    _CONTEXT.set_forkserver_preload([*modules])
+    with _held_interrupts():
+        forkserver.ensure_running()
 
 
 @contextmanager
@@ -23,17 +37,35 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
 
     Ctrl-C ends the calling process with status 130.
     """
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_stop_with_parent) as pool:
+    with ProcessPoolExecutor(workers, _CONTEXT, initializer=_stop_with_parent) as pool:
         try:
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # which workers that still import inherit
-            for _ in range(min(workers, jobs)):
-                pool.submit(int)  # starts a process
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # a Ctrl-C that came meanwhile is heeded here
+            with _held_interrupts():
+                for _ in range(min(workers, jobs)):
+                    pool.submit(int)  # starts a process
             yield pool
         except KeyboardInterrupt:
             _stop(multiprocessing.active_children())
             print("stopped; what the workers had is saved, and the same command goes on", file=sys.stderr)
             raise SystemExit(130) from None
+
+
+@contextmanager
+def _held_interrupts() -> Iterator[None]:
+    """A Ctrl-C is heeded afterwards, and never by processes that are started meanwhile, which inherit the mask."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    resource_tracker.ensure_running()  # its start would end the mask
+    held = []
+    previous = signal.signal(signal.SIGINT, lambda number, _: held.append(number))  # another thread may not be masked
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        signal.signal(signal.SIGINT, previous)
+        for number in held:
+            signal.raise_signal(number)
 
 
 def _stop(children: Sequence[BaseProcess]) -> None:
