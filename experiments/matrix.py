@@ -67,7 +67,7 @@ def main() -> int:
     try:
         return _run(options)
     except KeyboardInterrupt:
-        print("stopped before the first run; the same command starts again", file=sys.stderr)
+        print("stopped; the same command goes on", file=sys.stderr)
         return 130
     except TransferkitError as error:
         print(f"error: {error}", file=sys.stderr)
