@@ -71,12 +71,13 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
     for hook in hooks:
         hook.remove()
     spread = torch.cat([output.std(0) for output in outputs])
+    std = log_std.detach().exp()
     return Health(
         dead_units=float((spread < DEAD).float().mean()),
         action_rank=_rank(mean.detach()),
         act_dim=policy.act_dim,
-        std_low=float(log_std.exp().min()),
-        std_high=float(log_std.exp().max()),
+        std_low=float(std.min()),
+        std_high=float(std.max()),
         core_gradient=_core_gradient(policy, mean, log_std, seed),
     )
 
