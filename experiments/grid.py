@@ -16,6 +16,7 @@ from experiments.arms import ARMS, WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, Preset, TrainConfig, preset
 from transferkit.envs import environment_ids
+from transferkit.envs.make import LISTING
 from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
 from transferkit.zoo.artifact import load_core
 
@@ -100,7 +101,7 @@ class Grid:
         with _at("episodes", "steps", "seconds"):
             Budget(self.episodes, self.steps, self.seconds)
         check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
-        check_names("target", self.targets, environment_ids(), "transferkit envs list")
+        check_names("target", self.targets, environment_ids(), LISTING)
         names = [trainer.name or trainer.algo for trainer in self.trainer]
         for what, values in {
             "core": self.cores,
@@ -190,8 +191,9 @@ def repeated(rows: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, str]]:
 
 
 def check_names(what: str, names: Any, known: Any, listing: str = "") -> None:  # noqa: ANN401 - any collections of strings
-    """Refuse the first name that is not known; of many known ones the nearest are named, and the command that lists them."""
+    """Refuse the first name that is not known; where a command lists the known ones, the nearest are named, else all."""
     for name in names:
         if name not in known:
-            near = UnknownNameError(what, name, known, listing)
-            raise GridError(near if listing else f"unknown {what} {name!r}; known are {', '.join(known)}", name)
+            if listing:
+                raise GridError(UnknownNameError(what, name, known, listing), name)
+            raise GridError(f"unknown {what} {name!r}; known are {', '.join(known)}", name)
