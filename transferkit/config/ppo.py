@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 from transferkit.config.names import Preset
 from transferkit.errors import ConfigError
+
+
+LONGEST_ROLLOUT, MOST_MINIBATCHES = 2048, 8
+"""Of an adaptive rollout: the steps after which it ends without the end of an episode, and the gradient steps of a pass over it."""
 
 
 @dataclass(frozen=True)
@@ -15,14 +20,14 @@ class PPOConfig:
 
     num_envs: int = 4
     """Environments stepped side by side."""
-    rollout: Literal["steps", "episode"] = "steps"
-    """Update after `rollout_steps`, or after every episode (the paper's code; one environment)."""
+    rollout: Literal["adaptive", "steps", "episode"] = "adaptive"
+    """Update after `rollout_steps` and the end of an episode, after `rollout_steps`, or after every episode (the paper)."""
     rollout_steps: int = 128
-    """Environment steps per update, over all environments together."""
+    """Environment steps per update, over all environments together; the least of an adaptive rollout."""
     epochs: int = 10
     """Passes over a rollout."""
     batch_size: int = 64
-    """Samples per gradient step."""
+    """Samples per gradient step; more in a long adaptive rollout."""
     shuffle: bool = True
     """Draw minibatches at random; False takes them in the order of time."""
     learning_rate: float = 3e-4
@@ -63,6 +68,19 @@ class PPOConfig:
     """One bounded log-std per action, or a linear head on the features (the paper)."""
     init_std: float = 0.6
     """Initial standard deviation, of an action range of [-1, 1]."""
+
+    @property
+    def capacity(self) -> int:
+        """The most steps of each environment in a rollout."""
+        return (max(self.rollout_steps, LONGEST_ROLLOUT) if self.rollout == "adaptive" else self.rollout_steps) // self.num_envs
+
+    def rollout_is_over(self, steps: int, *, ended: bool) -> bool:
+        """Whether to update after this many steps of a rollout in which an episode has ended, or none has."""
+        return ended and self.rollout != "steps" and (self.rollout == "episode" or steps >= self.rollout_steps)
+
+    def minibatch_size(self, steps: int) -> int:
+        """Samples of a gradient step on a rollout of this many steps."""
+        return max(self.batch_size, math.ceil(steps / MOST_MINIBATCHES)) if self.rollout == "adaptive" else self.batch_size
 
     def __post_init__(self) -> None:
         if self.num_envs < 1 or self.rollout_steps < self.num_envs or self.batch_size < 1 or self.epochs < 1:

@@ -41,13 +41,12 @@ class PPO(rsl_rl.algorithms.PPO):
     storage: Storage  # type: ignore[assignment]
 
     def __init__(self, policy: Policy, config: PPOConfig, streams: Streams, device: torch.device) -> None:
-        capacity = config.rollout_steps if config.rollout == "episode" else config.rollout_steps // config.num_envs
         storage = Storage(
             config.num_envs,
-            capacity,
+            config.capacity,
             policy.obs_dim,
             policy.act_dim,
-            batch_size=config.batch_size,
+            batch_size=config.minibatch_size,
             shuffle=config.shuffle,
             generator=streams.torch("minibatches", device),
         )

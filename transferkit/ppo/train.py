@@ -68,16 +68,18 @@ def collect(
 
     With a session the steps count against its budget, and the rollout is shorter where that ends.
     """
-    device = algorithm.device
+    device, storage = algorithm.device, algorithm.storage
     algorithm.set_collecting(now=True)
-    for _ in range(algorithm.storage.num_transitions_per_env):
+    ended = False
+    for _ in range(storage.num_transitions_per_env):
         action = algorithm.act(cast("Any", _tensor(observation, device)))
         step = envs.step(action.cpu().numpy(), session and session.count)
         if len(step.reward) < envs.num_envs:  # the budget ended between two environments
             break
         algorithm.process_step(step)
-        observation = step.observation
-        if (session and session.progress >= 1) or (config.rollout == "episode" and step.done[0]):
+        observation, ended = step.observation, ended or bool(step.done.any())
+        over = config.rollout_is_over(storage.step * envs.num_envs, ended=ended)
+        if over or (session and session.progress >= 1):
             break
     return observation
 
