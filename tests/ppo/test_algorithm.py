@@ -10,6 +10,7 @@ from transferkit.envs import Step
 from transferkit.nn import Architecture
 from transferkit.policy import ScratchPolicy
 from transferkit.ppo.algorithm import PPO
+from transferkit.ppo.train import collect
 from transferkit.run.streams import Streams
 
 CPU = torch.device("cpu")
@@ -84,6 +85,43 @@ def test_minibatches_cover_every_sample_once_an_epoch():
     assert torch.equal(first, storage.actions.flatten().sort().values)
     sequential = play(algorithm(shuffle=False, batch_size=3), [step(float(k)) for k in range(4)])
     assert torch.equal(next(iter(sequential.mini_batch_generator(2, 1))).actions, sequential.actions.flatten(0, 1)[:3])
+
+
+class Endless:
+    """An environment that ends an episode at the steps it is told, counted from 1."""
+
+    num_envs = 1
+
+    def __init__(self, *ends):
+        self.ends, self.steps = ends, 0
+
+    def step(self, actions, count=None):
+        self.steps += 1
+        return step(1.0, terminated=self.steps in self.ends)
+
+
+@pytest.mark.parametrize(
+    ("rollout", "ends", "lengths"),
+    [
+        ("steps", (6,), [4, 4, 4]),
+        ("episode", (1, 3), [1, 2, 4]),
+        ("adaptive", (1, 3, 11), [4, 7, 2048]),  # at least 4; on to the end of an episode; not for ever
+    ],
+)
+def test_a_rollout_is_as_long_as_its_kind_says(rollout, ends, lengths):
+    ppo, env, found = algorithm(rollout=rollout), Endless(*ends), []
+    observation = np.zeros((1, 2), np.float32)
+    for _ in lengths:
+        collect(ppo, env, observation, ppo.config)
+        found.append(ppo.storage.step)
+        ppo.storage.clear()
+    assert found == lengths
+
+
+@pytest.mark.parametrize(("rollout", "size"), [("steps", 64), ("adaptive", 256)])
+def test_only_a_long_adaptive_rollout_has_larger_minibatches(rollout, size):
+    config = PPOConfig(rollout=rollout, rollout_steps=128, batch_size=64)
+    assert [config.minibatch_size(steps) for steps in (128, 512, 2048)] == [64, 64, size]
 
 
 def test_our_update_equals_stock_rsl_rl_with_stock_adam():

@@ -9,9 +9,8 @@ from typing import Literal
 from transferkit.config.names import Preset
 from transferkit.errors import ConfigError
 
-
 LONGEST_ROLLOUT, MOST_MINIBATCHES = 2048, 8
-"""Of an adaptive rollout: the steps after which it ends without the end of an episode, and the gradient steps of a pass over it."""
+"""Of an adaptive rollout: the steps after which it does not wait for the end of an episode, and gradient steps of a pass."""
 
 
 @dataclass(frozen=True)
