@@ -36,7 +36,7 @@ ROLLOUTS, ROUNDS, STARTS = 2, 15, 7
 def ours() -> float:
     """Environment steps per second of transferkit's PPO."""
     sizes = PPOConfig(num_envs=NUM_ENVS, rollout="steps", rollout_steps=ROLLOUT, epochs=EPOCHS, batch_size=BATCH, hidden=HIDDEN)
-    config = replace(sizes, normalize_observation=False, normalize_reward=False)  # as the peer's PPO
+    config = replace(sizes, normalize_observation=False, normalize_reward=False, schedule="fixed")  # as the peer's PPO
     streams = Streams(0)
     envs = VectorEnv([make_env(ENV) for _ in range(NUM_ENVS)], lambda i, k: streams.integer("environment", i, k))
     dims = envs.envs[0].observation_space.shape[0], envs.envs[0].action_space.shape[0]

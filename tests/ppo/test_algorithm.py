@@ -126,7 +126,8 @@ def test_only_a_long_adaptive_rollout_has_larger_minibatches(rollout, size):
 
 def test_our_update_equals_stock_rsl_rl_with_stock_adam():
     """Flat buffers, the fused step and the handwritten density gradient change the speed and nothing else."""
-    ours = algorithm(batch_size=2, epochs=3, shuffle=False, entropy_coefficient=0.01, max_grad_norm=0.1)
+    options = {"batch_size": 2, "epochs": 3, "shuffle": False, "entropy_coefficient": 0.01, "max_grad_norm": 0.1}
+    ours = algorithm(**options, schedule="fixed", critic_learning_rate=None)
     play(ours, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)])
     stock = copy.deepcopy(ours)
     named = [(model, name, p) for model in ("actor", "critic") for name, p in getattr(stock, model).named_parameters()]

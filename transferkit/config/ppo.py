@@ -30,11 +30,14 @@ class PPOConfig:
     shuffle: bool = True
     """Draw minibatches at random; False takes them in the order of time."""
     learning_rate: float = 3e-4
-    """Adam step size; parts of a wrapped policy scale it."""
-    schedule: Literal["fixed", "linear", "adaptive", "step"] = "linear"
+    """Adam step size, at first; parts of a wrapped policy scale it."""
+    schedule: Literal["fixed", "linear", "adaptive", "step"] = "adaptive"
     """Learning rate over the run: fixed, linear to zero, by KL divergence, or x 0.9 every 100 episodes (the paper)."""
-    desired_kl: float = 0.01
+    desired_kl: float = 0.005
     """Target of the adaptive schedule, nats."""
+    critic_learning_rate: float | None = 1e-3
+    """Adam step size of the critic, whatever the schedule: a new critic must not wait for a policy that may hardly move. None
+    takes the policy's."""
     gamma: float = 0.99
     """Discount per step."""
     lam: float = 0.95
@@ -89,8 +92,10 @@ class PPOConfig:
             )
         if self.rollout == "episode" and self.num_envs != 1:
             raise ConfigError(f"rollout='episode' needs num_envs=1, not {self.num_envs}; pass --ppo.num-envs 1")
-        if not 0 < self.learning_rate < 1:
-            raise ConfigError(f"learning_rate={self.learning_rate} must lie between 0 and 1; pass --ppo.learning-rate")
+        for name in ("learning_rate", "critic_learning_rate"):
+            rate = getattr(self, name)
+            if rate is not None and not 0 < rate < 1:
+                raise ConfigError(f"{name}={rate} must lie between 0 and 1; pass --ppo.{name.replace('_', '-')}")
 
 
 PPO_PRESETS: dict[Preset, PPOConfig] = {
@@ -102,6 +107,7 @@ PPO_PRESETS: dict[Preset, PPOConfig] = {
         batch_size=32,
         shuffle=False,
         schedule="step",
+        critic_learning_rate=None,
         value_coefficient=1.0,
         max_grad_norm=None,
         value_target="monte-carlo",

@@ -21,6 +21,8 @@ class Part:
     lr_scale: float = 1.0
     clip_group: str = ""
     """Gradients of the parts of a group are clipped by their common norm."""
+    lr: float | None = None
+    """Learning rate of its own, whatever is written into the groups' `lr`."""
 
 
 class PartAdam:
@@ -81,7 +83,7 @@ class PartAdam:
         return (norm / max_norm).clamp(min=1.0)
 
     def _update(self, k: int, scale: Tensor | None) -> None:
-        flat, (first, second), step = self.flat[k], self._moments[k], self._steps[k]
+        flat, (first, second), step, part = self.flat[k], self._moments[k], self._steps[k], self.parts[k]
         step += 1
         torch._fused_adam_(
             [flat],
@@ -90,7 +92,7 @@ class PartAdam:
             [second],
             [],
             [step],
-            lr=self.param_groups[k]["lr"] * self.parts[k].lr_scale,
+            lr=self.param_groups[k]["lr"] * part.lr_scale if part.lr is None else part.lr,
             beta1=BETAS[0],
             beta2=BETAS[1],
             weight_decay=0.0,

@@ -79,7 +79,7 @@ class PPO(rsl_rl.algorithms.PPO):
         self.config = config
         groups = policy.parameter_groups()
         parts = [Part(group.parameters, group.lr_scale, "actor") for group in groups]
-        parts.append(Part(list(critic.parameters()), 1.0, "critic"))
+        parts.append(Part(list(critic.parameters()), clip_group="critic", lr=config.critic_learning_rate))
         self.optimizer = cast("Any", PartAdam(parts, config.learning_rate, max_grad_norm=config.max_grad_norm))
         self.actor.clipped_by_optimizer = self.critic.clipped_by_optimizer = True
         self.returns = RunningMeanStd(shape=())
