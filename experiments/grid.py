@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, get_args
+from typing import Any, get_args, get_type_hints
 
 from experiments.arms import ARMS, WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from transferkit.budget import Budget
@@ -39,7 +39,7 @@ class Trainer:
     algo: Algorithm = "ppo"
     preset: Preset = "default"
     set: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the configuration by dotted name, over the preset."""
+    """Fields of the configuration by dotted name, over the preset; "none" where a field can be None."""
     name: str = ""
     """In tables; empty for the algorithm's."""
 
@@ -161,8 +161,10 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
         if section not in ("ppo", "dyna", "wrap") or not hasattr(part, key):
             raise GridError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key)
         fixed = tuple(value) if isinstance(value, list) else value
+        if value == "none" and type(None) in get_args(get_type_hints(type(part))[key]):
+            fixed = None
         with _at(name, key):
-            if not _fits(fixed, getattr(part, key)):
+            if not (fixed is None or _fits(fixed, getattr(part, key))):
                 raise ConfigError(f"set has {name}={value!r}, which is of another type than {getattr(part, key)!r}")
             config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
     return config

@@ -36,7 +36,12 @@ class Learner:
         ppo_config, self.config = configs
         rollouts = self.config.ppo_rollouts
         self.ppo_config = replace(
-            ppo_config, rollout="steps", num_envs=rollouts, rollout_steps=rollouts * self.config.ppo_horizon
+            ppo_config,
+            num_envs=rollouts,
+            rollout="steps",
+            rollout_steps=rollouts * self.config.ppo_horizon,
+            schedule="linear",  # by KL divergence it learnt less on all of four tuning seeds
+            critic_learning_rate=None,
         )
         self.policy, self.model, self.device = policy, model, device
         self.algorithm = ppo.PPO(policy, self.ppo_config, streams, device)

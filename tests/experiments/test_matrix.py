@@ -51,8 +51,11 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
     counts = Counter(cell.arm for cell in cells)
     assert counts == {"transfer": 4, "random": 4, "scratch-matched": 2, "scratch": 2, "constant": 2, "zero-action": 1}
     assert len({cell.id for cell in cells}) == len(cells)
-    trained = GRID + '[[trainer]]\nset = { "ppo.epochs" = 3 }\n'
-    assert {cell.config.ppo.epochs for cell in load_cells(grid(trained)) if cell.arm == "transfer"} == {3}
+    trained = GRID + '[[trainer]]\nset = { "ppo.epochs" = 3, "ppo.max_grad_norm" = "none" }\n'
+    settings = {
+        (cell.config.ppo.epochs, cell.config.ppo.max_grad_norm) for cell in load_cells(grid(trained)) if cell.arm == "transfer"
+    }
+    assert settings == {(3, None)}
     parts = GRID + '[[part]]\n[[part]]\ntargets = ["InvertedPendulum-v5"]\narms = ["scratch"]\n'
     assert len(load_cells(grid(parts))) == 7 + 2
 
@@ -86,6 +89,7 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
             "2 settings of .*its own name",
         ),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = [0.9] }', "line 8: .*another type than 0.99"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = "none" }', "line 8: .*another type than 0.99"),
         ('seeds = "0-1"', "seeds = [-1]", "line 6: seeds=.* whole numbers from 0"),
         ('"transfer"', "5", "line 5: arms=.* must be a list of names"),
         ("eval_episodes = 2", "members = []", "line 7: the grid has no members"),

@@ -58,21 +58,22 @@ def test_the_paper_parameter_counts():
     assert sum(p.numel() for p in network.parameters()) == 18_050
 
 
-def test_part_adam_equals_adam_with_a_rate_per_group_even_when_lr_is_overwritten():
+@pytest.mark.parametrize("own_rate", [None, 5e-2])
+def test_part_adam_equals_adam_with_a_rate_per_group_even_when_lr_is_overwritten(own_rate):
     def layers():
         generator = Streams(3).torch("layers")
         return [mlp(3, (8,), "tanh", generator, gain=1.0), Linear(8, 1, generator)]
 
     ours, theirs = layers(), layers()
-    parts = PartAdam([Part(list(ours[0].parameters()), 0.1), Part(list(ours[1].parameters()))], 1e-2)
-    groups = [{"params": theirs[0].parameters(), "lr": 1e-3}, {"params": theirs[1].parameters(), "lr": 1e-2}]
+    parts = PartAdam([Part(list(ours[0].parameters()), 0.1), Part(list(ours[1].parameters()), lr=own_rate)], 1e-2)
+    groups = [{"params": theirs[0].parameters(), "lr": 1e-3}, {"params": theirs[1].parameters(), "lr": own_rate or 1e-2}]
     adam = torch.optim.Adam(groups)
     x = torch.randn(16, 3, generator=Streams(4).torch("x"))
     for k in range(5):
         if k == 3:  # what rsl_rl's adaptive schedule does
             for group in parts.param_groups:
                 group["lr"] = 2e-2
-            adam.param_groups[0]["lr"], adam.param_groups[1]["lr"] = 2e-3, 2e-2
+            adam.param_groups[0]["lr"], adam.param_groups[1]["lr"] = 2e-3, own_rate or 2e-2
         for network, optimizer in ((ours, parts), (theirs, adam)):
             optimizer.zero_grad()
             nn.functional.mse_loss(network[1](network[0](x)), torch.ones(16, 1)).backward()

@@ -107,6 +107,7 @@ PPO_PRESETS: dict[Preset, PPOConfig] = {
         batch_size=32,
         shuffle=False,
         schedule="step",
+        desired_kl=0.01,
         critic_learning_rate=None,
         value_coefficient=1.0,
         max_grad_norm=None,
