@@ -56,7 +56,8 @@ def train(
         observation = collect(algorithm, envs, observation, config, session)
         if session.progress < 1 or algorithm.storage.step * envs.num_envs >= config.batch_size:
             algorithm.compute_returns(_tensor(observation, device))
-            session.after_update(algorithm.update(), lambda: {"algorithm": algorithm.state(), "envs": envs.state()})
+            metrics = algorithm.update() | {"learning_rate": algorithm.learning_rate}
+            session.after_update(metrics, lambda: {"algorithm": algorithm.state(), "envs": envs.state()})
     return {"value": algorithm.critic}
 
 
