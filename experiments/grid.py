@@ -158,10 +158,11 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
     for name, value in values.items():
         section, _, key = name.partition(".")
         part = getattr(config, section, None)
-        if section not in ("ppo", "dyna", "wrap") or not hasattr(part, key):
+        kinds = get_type_hints(type(part)) if section in ("ppo", "dyna", "wrap") else {}
+        if key not in kinds:
             raise GridError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key)
         fixed = tuple(value) if isinstance(value, list) else value
-        if value == "none" and type(None) in get_args(get_type_hints(type(part))[key]):
+        if value == "none" and type(None) in get_args(kinds[key]):
             fixed = None
         with _at(name, key):
             if not (fixed is None or _fits(fixed, getattr(part, key))):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 import torch
 
-from transferkit.config import DynaConfig, TrainConfig
+from transferkit.config import DynaConfig, PPOConfig, TrainConfig
 from transferkit.dyna import Batch, ImaginedEnv, ReplayBuffer, fit
 from transferkit.dyna.agent import Agent
 from transferkit.dyna.imagine import imagine
+from transferkit.dyna_ppo import Learner
 from transferkit.errors import ConfigError
 from transferkit.nn import Architecture, Dynamics, Ensemble, EnsembleArchitecture, JointInput
 from transferkit.nn.optimizer import Part, PartAdam
@@ -213,6 +214,17 @@ def test_no_reward_yet_is_no_divergence(tmp_path):
 def test_impossible_settings_are_refused(options, message):
     with pytest.raises(ConfigError, match=message):
         DynaConfig(**options)
+
+
+@pytest.mark.parametrize(("schedule", "rate"), [("adaptive", 1.5e-4), ("fixed", 3e-4)])
+def test_dyna_ppo_has_no_steps_by_kl_divergence(pendulum_spec, schedule, rate):
+    streams = Streams(0)
+    policy = ScratchPolicy.create(Architecture(4, 1, (8,)), streams.torch("policy"), init_std=0.5, normalize=False)
+    model = make_dynamics(policy, pendulum_spec, TINY, streams.torch("model"))
+    learner = Learner(policy, model, (PPOConfig(schedule=schedule), TINY), streams, torch.device("cpu"))
+    learner.algorithm.set_learning_rate(0.5, 0)
+    assert learner.algorithm.learning_rate == pytest.approx(rate)
+    assert learner.algorithm.optimizer.parts[-1].lr is None
 
 
 def test_a_budget_too_small_for_dyna_ppo_is_refused(tmp_path):

@@ -89,6 +89,7 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
             "2 settings of .*its own name",
         ),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = [0.9] }', "line 8: .*another type than 0.99"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.capacity" = 1 }', "line 8: .*no field ppo.capacity"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = "none" }', "line 8: .*another type than 0.99"),
         ('seeds = "0-1"', "seeds = [-1]", "line 6: seeds=.* whole numbers from 0"),
         ('"transfer"', "5", "line 5: arms=.* must be a list of names"),

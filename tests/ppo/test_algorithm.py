@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import rsl_rl.algorithms
 import torch
+from torch.nn.utils import parameters_to_vector
 
 from transferkit.config import PPOConfig
 from transferkit.envs import Step
@@ -76,18 +77,18 @@ def test_rewards_are_divided_by_the_deviation_of_the_discounted_return():
 
 
 def test_minibatches_cover_every_sample_once_an_epoch():
-    ppo = algorithm(batch_size=3, epochs=2)
+    ppo = algorithm(rollout="steps", batch_size=3, epochs=2)
     storage = play(ppo, [step(float(k)) for k in range(4)])
     batches = list(storage.mini_batch_generator(storage.num_mini_batches, 2))
     sizes = [batch.actions.shape[0] for batch in batches]
     assert sizes == [3, 1, 3, 1]
     first = torch.cat([batch.actions for batch in batches[:2]]).flatten().sort().values
     assert torch.equal(first, storage.actions.flatten().sort().values)
-    sequential = play(algorithm(shuffle=False, batch_size=3), [step(float(k)) for k in range(4)])
+    sequential = play(algorithm(rollout="steps", shuffle=False, batch_size=3), [step(float(k)) for k in range(4)])
     assert torch.equal(next(iter(sequential.mini_batch_generator(2, 1))).actions, sequential.actions.flatten(0, 1)[:3])
 
 
-class Endless:
+class Scripted:
     """An environment that ends an episode at the steps it is told, counted from 1."""
 
     num_envs = 1
@@ -109,7 +110,7 @@ class Endless:
     ],
 )
 def test_a_rollout_is_as_long_as_its_kind_says(rollout, ends, lengths):
-    ppo, env, found = algorithm(rollout=rollout), Endless(*ends), []
+    ppo, env, found = algorithm(rollout=rollout), Scripted(*ends), []
     observation = np.zeros((1, 2), np.float32)
     for _ in lengths:
         collect(ppo, env, observation, ppo.config)
@@ -118,16 +119,41 @@ def test_a_rollout_is_as_long_as_its_kind_says(rollout, ends, lengths):
     assert found == lengths
 
 
-@pytest.mark.parametrize(("rollout", "size"), [("steps", 64), ("adaptive", 256)])
-def test_only_a_long_adaptive_rollout_has_larger_minibatches(rollout, size):
-    config = PPOConfig(rollout=rollout, rollout_steps=128, batch_size=64)
-    assert [config.minibatch_size(steps) for steps in (128, 512, 2048)] == [64, 64, size]
+def test_a_rollout_waits_no_longer_than_a_twentieth_of_the_budget():
+    config = PPOConfig(rollout_steps=128)
+    assert [config.rollout_is_over(128, ended=False, share=share) for share in (0.04, 0.05)] == [False, True]
+    assert not config.rollout_is_over(127, ended=True, share=1.0)
 
 
-def test_our_update_equals_stock_rsl_rl_with_stock_adam():
+@pytest.mark.parametrize(
+    ("rollout", "steps", "sizes"),
+    [
+        ("steps", 129, [64, 64, 1]),
+        ("adaptive", 129, [65, 64]),  # none so small that its noise is a step
+        ("adaptive", 50, [50]),
+        ("adaptive", 1952, [244] * 8),
+    ],
+)
+def test_an_adaptive_rollout_is_cut_evenly(rollout, steps, sizes):
+    assert PPOConfig(rollout=rollout, batch_size=64).minibatch_sizes(steps) == sizes
+
+
+def test_a_critic_of_its_own_rate_is_not_slowed_down_with_the_policy():
+    """The first step of Adam is its learning rate, whatever the gradient."""
+    ppo = algorithm(learning_rate=1e-5, schedule="fixed", critic_learning_rate=1e-2, epochs=1, max_grad_norm=None)
+    play(ppo, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)])
+    weights = lambda: [parameters_to_vector(torch.nn.Module.parameters(m)).detach() for m in (ppo.actor, ppo.critic)]  # noqa: E731
+    before = weights()
+    ppo.update()
+    moved = [(new - old).abs().max().item() for new, old in zip(weights(), before, strict=True)]
+    assert moved == pytest.approx([1e-5, 1e-2], rel=1e-2)
+
+
+@pytest.mark.parametrize("schedule", ["fixed", "adaptive"])
+def test_our_update_equals_stock_rsl_rl_with_stock_adam(schedule):
     """Flat buffers, the fused step and the handwritten density gradient change the speed and nothing else."""
     options = {"batch_size": 2, "epochs": 3, "shuffle": False, "entropy_coefficient": 0.01, "max_grad_norm": 0.1}
-    ours = algorithm(**options, schedule="fixed", critic_learning_rate=None)
+    ours = algorithm(**options, schedule=schedule, critic_learning_rate=None)
     play(ours, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)])
     stock = copy.deepcopy(ours)
     named = [(model, name, p) for model in ("actor", "critic") for name, p in getattr(stock, model).named_parameters()]
@@ -141,6 +167,8 @@ def test_our_update_equals_stock_rsl_rl_with_stock_adam():
     stock.num_mini_batches = 2
     losses = ours.update(), rsl_rl.algorithms.PPO.update(stock)
     assert losses[0] == pytest.approx(losses[1], rel=1e-5)
+    assert ours.learning_rate == stock.learning_rate
+    assert (ours.learning_rate == ours.config.learning_rate) == (schedule == "fixed")
     for model in ("actor", "critic"):
         theirs = dict(getattr(stock, model).named_parameters())
         for name, parameter in getattr(ours, model).named_parameters():

@@ -120,15 +120,17 @@ def assert_same(a, b):
 
 
 @pytest.mark.parametrize(
-    ("core", "stop_at", "steps"),
+    ("core", "stop_at", "rollout", "steps"),
     [
-        (None, None, 384),
-        ("inverted-pendulum-v1", None, 384),
-        (None, 1.0, 512),  # at the very evaluation that is good enough
+        (None, None, 128, 384),
+        ("inverted-pendulum-v1", None, 128, 384),
+        (None, None, 16, 384),  # most rollouts are longer
+        (None, 1.0, 128, 512),  # at the very evaluation that is good enough
     ],
 )
-def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core, stop_at, steps):
-    config = small(core=core, env="InvertedDoublePendulum-v5", stop_at=stop_at)
+def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core, stop_at, rollout, steps):
+    ppo = replace(SMALL.ppo, rollout_steps=rollout, epochs=2)
+    config = small(core=core, env="InvertedDoublePendulum-v5", stop_at=stop_at, ppo=ppo)
     run_training(config, out=tmp_path / "whole")
     after_update = Session.after_update
 

@@ -2,31 +2,34 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from transferkit.config.names import Preset
 from transferkit.errors import ConfigError
 
-LONGEST_ROLLOUT, MOST_MINIBATCHES = 2048, 8
-"""Of an adaptive rollout: the steps after which it does not wait for the end of an episode, and gradient steps of a pass."""
+LONGEST_ROLLOUT, LONGEST_SHARE, MOST_MINIBATCHES = 2048, 0.05, 8
+"""Of an adaptive rollout: the steps and the share of the budget after which it waits no more, and gradient steps of a pass."""
+
+ADAPTIVE_RATES = (1e-5, 1e-2)
+"""Between which rsl_rl keeps a learning rate that follows the KL divergence."""
 
 
 @dataclass(frozen=True)
 class PPOConfig:
-    """Proximal policy optimisation (Schulman et al. 2017); defaults tuned on the Gymnasium MuJoCo tasks."""
+    """Proximal policy optimisation (Schulman et al. 2017); defaults tuned on Gymnasium's MuJoCo tasks and cart-poles."""
 
     num_envs: int = 4
     """Environments stepped side by side."""
     rollout: Literal["adaptive", "steps", "episode"] = "adaptive"
-    """Update after `rollout_steps` and the end of an episode, after `rollout_steps`, or after every episode (the paper)."""
+    """Update after `rollout_steps`, after every episode (the paper), or, adaptive, after `rollout_steps` in which an episode
+    has ended, waiting for that no longer than 2048 steps or a twentieth of the budget."""
     rollout_steps: int = 128
     """Environment steps per update, over all environments together; the least of an adaptive rollout."""
     epochs: int = 10
     """Passes over a rollout."""
     batch_size: int = 64
-    """Samples per gradient step; more in a long adaptive rollout."""
+    """Samples per gradient step; at least, of an adaptive rollout, which is cut evenly into 8 minibatches at most."""
     shuffle: bool = True
     """Draw minibatches at random; False takes them in the order of time."""
     learning_rate: float = 3e-4
@@ -34,7 +37,8 @@ class PPOConfig:
     schedule: Literal["fixed", "linear", "adaptive", "step"] = "adaptive"
     """Learning rate over the run: fixed, linear to zero, by KL divergence, or x 0.9 every 100 episodes (the paper)."""
     desired_kl: float = 0.005
-    """Target of the adaptive schedule, nats."""
+    """Of the adaptive schedule, nats: above twice it, from the policy that collected the rollout, the rate falls, below half
+    it rises, between 1e-5 and 1e-2."""
     critic_learning_rate: float | None = 1e-3
     """Adam step size of the critic, whatever the schedule: a new critic must not wait for a policy that may hardly move. None
     takes the policy's."""
@@ -76,13 +80,18 @@ class PPOConfig:
         """The most steps of each environment in a rollout."""
         return (max(self.rollout_steps, LONGEST_ROLLOUT) if self.rollout == "adaptive" else self.rollout_steps) // self.num_envs
 
-    def rollout_is_over(self, steps: int, *, ended: bool) -> bool:
-        """Whether to update after this many steps of a rollout in which an episode has ended, or none has."""
-        return ended and self.rollout != "steps" and (self.rollout == "episode" or steps >= self.rollout_steps)
+    def rollout_is_over(self, steps: int, *, ended: bool, share: float) -> bool:
+        """Whether to update after this many steps and this share of the budget, in which an episode has ended or not."""
+        if self.rollout == "adaptive":
+            return steps >= self.rollout_steps and (ended or share >= LONGEST_SHARE)
+        return ended and self.rollout == "episode"
 
-    def minibatch_size(self, steps: int) -> int:
-        """Samples of a gradient step on a rollout of this many steps."""
-        return max(self.batch_size, math.ceil(steps / MOST_MINIBATCHES)) if self.rollout == "adaptive" else self.batch_size
+    def minibatch_sizes(self, steps: int) -> list[int]:
+        """Samples of each gradient step of a pass over a rollout of this many steps."""
+        if self.rollout == "adaptive":
+            count = min(MOST_MINIBATCHES, max(1, steps // self.batch_size))
+            return [steps // count + (k < steps % count) for k in range(count)]
+        return [min(self.batch_size, steps - start) for start in range(0, steps, self.batch_size)]
 
     def __post_init__(self) -> None:
         if self.num_envs < 1 or self.rollout_steps < self.num_envs or self.batch_size < 1 or self.epochs < 1:
@@ -96,6 +105,12 @@ class PPOConfig:
             rate = getattr(self, name)
             if rate is not None and not 0 < rate < 1:
                 raise ConfigError(f"{name}={rate} must lie between 0 and 1; pass --ppo.{name.replace('_', '-')}")
+        low, high = ADAPTIVE_RATES
+        if self.schedule == "adaptive" and not low <= self.learning_rate <= high:
+            raise ConfigError(
+                f"learning_rate={self.learning_rate} must lie between {low:g} and {high:g} where it follows the KL divergence; "
+                "pass --ppo.learning-rate, or --ppo.schedule linear"
+            )
 
 
 PPO_PRESETS: dict[Preset, PPOConfig] = {

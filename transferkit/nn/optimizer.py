@@ -22,11 +22,11 @@ class Part:
     clip_group: str = ""
     """Gradients of the parts of a group are clipped by their common norm."""
     lr: float | None = None
-    """Learning rate of its own, whatever is written into the groups' `lr`."""
+    """Learning rate of its own, unscaled, whatever is written into the groups' `lr`."""
 
 
 class PartAdam:
-    """Adam (Kingma & Ba 2015) that keeps `lr * lr_scale` for every part, whatever is written into its groups' `lr`.
+    """Adam (Kingma & Ba 2015) that keeps `lr * lr_scale`, or its own `lr`, for every part, whatever its groups' `lr` becomes.
 
     The parameters of a part become views of one flat tensor, and so do their gradients: zeroing, clipping and the step
     are then one operation a part instead of several a tensor. It calls torch's fused kernel itself, because what

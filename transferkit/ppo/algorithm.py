@@ -46,7 +46,7 @@ class PPO(rsl_rl.algorithms.PPO):
             config.capacity,
             policy.obs_dim,
             policy.act_dim,
-            batch_size=config.minibatch_size,
+            minibatch_sizes=config.minibatch_sizes,
             shuffle=config.shuffle,
             generator=streams.torch("minibatches", device),
         )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Generator
+import itertools
+from collections.abc import Callable, Generator, Sequence
 from typing import Any, cast
 
 import torch
@@ -24,7 +24,7 @@ class Minibatch:
 class Storage(RolloutStorage):
     """Rollouts `(T, num_envs, ...)` of at most `capacity` steps; `close` cuts the buffers to what was collected.
 
-    `batch_size` says how many samples a minibatch has by how many there are.
+    `minibatch_sizes` says how many samples each minibatch has, by how many there are.
     """
 
     FIELDS = ("observations", "actions", "rewards", "dones", "values", "actions_log_prob", "returns", "advantages")
@@ -36,7 +36,7 @@ class Storage(RolloutStorage):
         obs_dim: int,
         act_dim: int,
         *,
-        batch_size: Callable[[int], int],
+        minibatch_sizes: Callable[[int], Sequence[int]],
         shuffle: bool,
         generator: torch.Generator,
     ) -> None:
@@ -45,7 +45,7 @@ class Storage(RolloutStorage):
         super().__init__("rl", num_envs, capacity, placeholder, [act_dim], device)
         self.observations = torch.zeros(capacity, num_envs, obs_dim, device=device)
         self.distribution_params = tuple(torch.zeros(capacity, num_envs, act_dim, device=device) for _ in range(2))
-        self._batch_size, self.shuffle, self._generator = batch_size, shuffle, generator
+        self._minibatch_sizes, self.shuffle, self._generator = minibatch_sizes, shuffle, generator
         self._full = {name: getattr(self, name) for name in self.FIELDS}
         self._full_params, self._capacity = self.distribution_params, capacity
 
@@ -66,23 +66,21 @@ class Storage(RolloutStorage):
 
     @property
     def num_mini_batches(self) -> int:
-        """Minibatches of a pass over the rollout; the last may be smaller."""
-        steps = self.step * self.num_envs
-        return math.ceil(steps / self._batch_size(steps))
+        """Minibatches of a pass over the rollout."""
+        return len(self._minibatch_sizes(self.step * self.num_envs))
 
     def mini_batch_generator(self, num_mini_batches: int, num_epochs: int = 8) -> Generator[RolloutStorage.Batch]:
         """Minibatches, permuted anew in every epoch, or in the order of time."""
         flat = {name: getattr(self, name).flatten(0, 1) for name in self.FIELDS if name not in ("rewards", "dones")}
         params = [p.flatten(0, 1) for p in cast("tuple[Tensor, ...]", self.distribution_params)]
         size = flat["actions"].shape[0]
-        batch_size = self._batch_size(size)
+        ends = list(itertools.accumulate(self._minibatch_sizes(size), initial=0))
         for _ in range(num_epochs):
             order = torch.randperm(size, generator=self._generator, device=self.device) if self.shuffle else None
             # One gather an epoch; minibatches are then views.
             epoch = flat if order is None else {name: tensor[order] for name, tensor in flat.items()}
             epoch_params = params if order is None else [p[order] for p in params]
-            for start in range(0, size, batch_size):
-                rows = slice(start, start + batch_size)
+            for rows in itertools.starmap(slice, itertools.pairwise(ends)):
                 yield self._batch({name: tensor[rows] for name, tensor in epoch.items()}, [p[rows] for p in epoch_params])
 
     @staticmethod

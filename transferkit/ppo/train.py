@@ -65,13 +65,13 @@ def train(
 def collect(
     algorithm: PPO, envs: Steppable, observation: NDArray[np.float32], config: PPOConfig, session: Session | None = None
 ) -> NDArray[np.float32]:
-    """Fill the storage with one rollout; returns the observations after it, `(num_envs, obs_dim)`.
+    """Fill the storage with a rollout as the configuration has it; returns the observations after it, `(num_envs, obs_dim)`.
 
     With a session the steps count against its budget, and the rollout is shorter where that ends.
     """
     device, storage = algorithm.device, algorithm.storage
     algorithm.set_collecting(now=True)
-    ended = False
+    ended, before = False, session.progress if session else 0.0
     for _ in range(storage.num_transitions_per_env):
         action = algorithm.act(cast("Any", _tensor(observation, device)))
         step = envs.step(action.cpu().numpy(), session and session.count)
@@ -79,8 +79,8 @@ def collect(
             break
         algorithm.process_step(step)
         observation, ended = step.observation, ended or bool(step.done.any())
-        over = config.rollout_is_over(storage.step * envs.num_envs, ended=ended)
-        if over or (session and session.progress >= 1):
+        progress = session.progress if session else 0.0
+        if progress >= 1 or config.rollout_is_over(storage.step * envs.num_envs, ended=ended, share=progress - before):
             break
     return observation
 
