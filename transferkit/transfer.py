@@ -14,7 +14,7 @@ from torch import nn
 
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, DynaConfig, PPOConfig, Preset, TrainConfig, preset
-from transferkit.envs import VectorEnv, derive_spec, make_env, time_step
+from transferkit.envs import VectorEnv, derive_spec, make_env
 from transferkit.errors import ConfigError
 from transferkit.evaluation import evaluate
 from transferkit.policy import Policy
@@ -230,9 +230,8 @@ def _trainer(config: TrainConfig, policy: Policy, make: MakeEnv, streams: Stream
     if config.algo == "ppo":
         from transferkit import ppo  # noqa: PLC0415 - rsl_rl takes seconds to import
 
-        timed = config.ppo.for_time_step(time_step(make()))
-        train = lambda envs, *rest: ppo.train(policy, envs, timed, *rest)  # noqa: E731
-        return _Trainer(train, timed.num_envs)
+        train = lambda envs, *rest: ppo.train(policy, envs, config.ppo, *rest)  # noqa: E731
+        return _Trainer(train, config.ppo.num_envs)
     spec = derive_spec(make())
     settings = config.dyna.for_time_step(spec.time_step)
     model = make_dynamics(policy, spec, settings, streams.torch("model initialisation"))

@@ -138,28 +138,6 @@ def test_an_adaptive_rollout_is_cut_evenly(rollout, steps, sizes):
     assert PPOConfig(rollout=rollout, batch_size=64).minibatch_sizes(steps) == sizes
 
 
-@pytest.mark.parametrize(
-    ("settings", "seconds", "gamma"),
-    [
-        ({}, 0.01, 0.995012),  # exp(-0.01 / 2)
-        ({}, 0.05, 0.99),  # looks 5 s ahead as it is
-        ({}, 0.0, 0.99),
-        ({"horizon_seconds": None}, 0.01, 0.99),
-    ],
-)
-def test_the_discount_looks_two_seconds_ahead_at_least(settings, seconds, gamma):
-    assert PPOConfig(**settings).for_time_step(seconds).gamma == pytest.approx(gamma, abs=1e-6)
-
-
-def test_the_divergence_of_an_update_falls_to_zero_over_the_budget():
-    ppo = algorithm(schedule="adaptive", desired_kl=0.01)
-    targets = []
-    for progress in (0.0, 0.75, 1.0):
-        ppo.set_learning_rate(progress, 0)
-        targets.append(ppo.desired_kl)
-    assert targets == pytest.approx([0.01, 0.0025, 0.0])
-
-
 def test_a_critic_of_its_own_rate_is_not_slowed_down_with_the_policy():
     """The first step of Adam is its learning rate, whatever the gradient."""
     ppo = algorithm(learning_rate=1e-5, schedule="fixed", critic_learning_rate=1e-2, epochs=1, max_grad_norm=None)

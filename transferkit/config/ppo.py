@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 from transferkit.config.names import Preset
@@ -38,16 +37,13 @@ class PPOConfig:
     schedule: Literal["fixed", "linear", "adaptive", "step"] = "adaptive"
     """Learning rate over the run: fixed, linear to zero, by KL divergence, or x 0.9 every 100 episodes (the paper)."""
     desired_kl: float = 0.005
-    """Of the adaptive schedule, nats, at first; it falls linearly to zero. Above twice it, from the policy that collected the
-    rollout, the rate falls, below half it rises, between 1e-5 and 1e-2."""
+    """Of the adaptive schedule, nats: above twice it, from the policy that collected the rollout, the rate falls, below half
+    it rises, between 1e-5 and 1e-2."""
     critic_learning_rate: float | None = 1e-3
     """Adam step size of the critic, whatever the schedule: a new critic must not wait for a policy that may hardly move. None
     takes the policy's."""
     gamma: float = 0.99
-    """Discount per step, at least."""
-    horizon_seconds: float | None = 2.0
-    """Time constant of the discount, at least: where time steps are so short that gamma looks less far ahead, PPO raises it to
-    exp(-time step / it). None leaves gamma; DYNA-PPO does, too."""
+    """Discount per step."""
     lam: float = 0.95
     """Generalised advantage estimation (Schulman et al. 2016)."""
     clip: float = 0.2
@@ -97,12 +93,6 @@ class PPOConfig:
             return [steps // count + (k < steps % count) for k in range(count)]
         return [min(self.batch_size, steps - start) for start in range(0, steps, self.batch_size)]
 
-    def for_time_step(self, seconds: float) -> PPOConfig:
-        """The same with the discount per step of an environment with this time step; 0 for one that has none."""
-        if self.horizon_seconds is None or not seconds:
-            return self
-        return replace(self, gamma=max(self.gamma, math.exp(-seconds / self.horizon_seconds)))
-
     def __post_init__(self) -> None:
         if self.num_envs < 1 or self.rollout_steps < self.num_envs or self.batch_size < 1 or self.epochs < 1:
             raise ConfigError(
@@ -115,8 +105,6 @@ class PPOConfig:
             rate = getattr(self, name)
             if rate is not None and not 0 < rate < 1:
                 raise ConfigError(f"{name}={rate} must lie between 0 and 1; pass --ppo.{name.replace('_', '-')}")
-        if self.horizon_seconds is not None and self.horizon_seconds <= 0:
-            raise ConfigError(f"horizon_seconds={self.horizon_seconds} must be above 0; pass --ppo.horizon-seconds")
         low, high = ADAPTIVE_RATES
         if self.schedule == "adaptive" and not low <= self.learning_rate <= high:
             raise ConfigError(
@@ -138,7 +126,6 @@ PPO_PRESETS: dict[Preset, PPOConfig] = {
         critic_learning_rate=None,
         value_coefficient=1.0,
         max_grad_norm=None,
-        horizon_seconds=None,
         value_target="monte-carlo",
         bootstrap_timeouts=False,
         normalize_observation=False,

@@ -120,12 +120,11 @@ class PPO(rsl_rl.algorithms.PPO):
         return super().update()
 
     def set_learning_rate(self, progress: float, episodes: int) -> None:
-        """What the schedule has at this share of the budget and number of episodes: a learning rate, or a KL divergence."""
+        """The schedule's learning rate at this share of the budget and number of episodes."""
         if self.schedule == "linear":
             self.learning_rate = self.config.learning_rate * (1 - progress)
         elif self.schedule == "step":
             self.learning_rate = self.config.learning_rate * STEP_DECAY ** (episodes // STEP_DECAY_EPISODES)
-        self.desired_kl = self.config.desired_kl * (1 - progress)  # of effect in the adaptive schedule
         for group in self.optimizer.param_groups:
             group["lr"] = self.learning_rate
 
