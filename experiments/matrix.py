@@ -1,4 +1,4 @@
-"""Run a grid: `python -m experiments.matrix experiments/grids/first.toml --out results/first [--workers 2] [--dry-run]`.
+"""Run a grid: `python -m experiments.matrix experiments/grids/first.toml --out runs/first [--workers 2] [--dry-run]`.
 
 Every run is a folder `cells/<hash of its configuration>` with a run directory in it. The same command goes on after any
 interruption; folders of several machines are merged by copying them into one `cells`. `cells.csv` holds one row for every run

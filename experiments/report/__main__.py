@@ -1,4 +1,4 @@
-"""`python -m experiments.report results/paper --out report.html`: a page, figures and tables of a matrix."""
+"""`python -m experiments.report runs/paper --out report.html`: a page, figures and tables of a matrix."""
 
 from __future__ import annotations
 
