@@ -6,8 +6,9 @@ import csv
 import functools
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,8 @@ from numpy.typing import NDArray
 from experiments.arms import ZERO_ACTION
 from experiments.grid import Cell, identify
 from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import CHECKPOINT, RECORD, RESULT, read_json
-from transferkit.run.files import load_state, write_atomically
+from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT, read_json
+from transferkit.run.files import check_state, write_atomically
 
 CELL, ERROR = "cell.json", "error.txt"
 EVALUATIONS = "evaluations.csv"
@@ -24,8 +25,11 @@ CELLS, SET_ASIDE = "cells", "damaged"
 NAMES = ("id", "core", "member", "target", "arm", "trainer", "algo", "preset", "seed")
 MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
 VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
-SMALL = (CELL, ERROR, f"run/{RECORD}", f"run/{RESULT}", "run/episodes.csv", f"run/{EVALUATIONS}", "run/model.csv")
-"""What tables and reports need of a cell; the rest is checkpoints and logs."""
+RUN_FILES = (RECORD, RESULT, POLICY, "episodes.csv", EVALUATIONS, "model.csv")
+"""What a finished run is; the rest is its checkpoint and logs."""
+
+READ = {"episodes": ("episode", "steps", "return"), "evaluations": ("episodes", "steps", "return_mean")}
+"""Columns of a run's tables that reports read."""
 
 
 def folder(out: Path, cell: Cell) -> Path:
@@ -42,34 +46,54 @@ def problem(where: Path) -> str:
     """What is wrong with the files of a cell, finished or not; empty where nothing is."""
     try:
         cell = read_json(where / CELL)
-        lacking = {*NAMES, "command"} - {*cell}
-        if lacking:
-            return f"{CELL} has no {min(lacking)}"
-        if identify(cell["arm"], cell["core"], cell["config"]) != where.name:
-            return f"{CELL} describes another run than its folder's name"
-        run = where / "run"
-        if (run / RECORD).exists():
-            made_by(run)
-        if (run / RESULT).exists():
-            return _result_problem(run, trained=cell["arm"] != ZERO_ACTION)
-        if (run / CHECKPOINT).exists():
-            load_state(run / CHECKPOINT)
-    except RunDirectoryError as error:
-        return str(error).partition(";")[0]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        return _cell_problem(cell, where.name) or _run_problem(where / "run", trained=cell["arm"] != ZERO_ACTION)
+    except (RunDirectoryError, OSError) as error:
+        return str(error).partition(";")[0].replace(f"{where}/", "").replace(f"{where} holds", "it holds")
+    except (ValueError, TypeError) as error:
         return f"{type(error).__name__}: {error}"
+
+
+def _cell_problem(cell: Mapping[str, Any], name: str) -> str:
+    if lacking := _lacking(CELL, cell, (*NAMES, "command", "config")):
+        return lacking
+    if identify(cell["arm"], cell["core"], cell["config"]) != name:
+        return f"{CELL} describes another run than its folder's name"
     return ""
+
+
+def _run_problem(run: Path, *, trained: bool) -> str:
+    if (run / RECORD).exists() and (lacking := _lacking(RECORD, read_json(run / RECORD), ("git", "versions"))):
+        return lacking
+    if (run / RESULT).exists():
+        return _result_problem(run, trained=trained)
+    if (run / CHECKPOINT).exists():
+        check_state(run / CHECKPOINT)
+    return ""
+
+
+def _lacking(file: str, found: Collection[str], names: Iterable[str]) -> str:
+    lacking = {*names} - {*found}
+    return f"{file} has no {min(lacking)}" if lacking else ""
 
 
 def _result_problem(run: Path, *, trained: bool) -> str:
     result = read_json(run / RESULT)
+    if lacking := _lacking(RESULT, result, MEASURED):
+        return lacking
     for name in MEASURED:
         if not math.isfinite(result[name]):
             return f"{RESULT} says {name}={result[name]}"
-    if not trained:
-        return ""
-    if not (run / RECORD).exists():
-        return f"{RECORD} is missing"
+    return _training_problem(run, result) if trained else ""
+
+
+def _training_problem(run: Path, result: Mapping[str, Any]) -> str:
+    for name in (RECORD, POLICY):
+        if not (run / name).exists():
+            return f"{name} is missing"
+    check_state(run / POLICY)
+    for name, wanted in READ.items():
+        if lacking := _lacking(f"{name}.csv", columns(run, name), wanted):
+            return lacking
     if result["eval_return_mean"] not in columns(run, "evaluations")["return_mean"][-1:]:
         return f"{EVALUATIONS} does not end with the evaluation that {RESULT} states"
     returns = columns(run, "episodes")["return"]
@@ -86,7 +110,7 @@ def set_damaged_aside(out: Path, damaged: Mapping[Path, str]) -> list[str]:
         copy = next(name for name in names if not name.exists())
         copy.parent.mkdir(exist_ok=True)
         where.rename(copy)
-        lines.append(f"{where} is damaged ({what}); moved to {copy}, and its run is made again")
+        lines.append(f"{where} is damaged ({what}); moved to {copy}; a run of the grid is made again")
     return lines
 
 
@@ -121,8 +145,9 @@ def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
 
 
 def pack(where: Path) -> dict[str, bytes]:
-    """The small files of a cell by their path, to send to another machine."""
-    return {name: (where / name).read_bytes() for name in SMALL if (where / name).exists()}
+    """The files of a cell by their path, without checkpoint and logs, to send to another machine."""
+    names = (CELL, ERROR, *(f"run/{name}" for name in RUN_FILES))
+    return {name: (where / name).read_bytes() for name in names if (where / name).exists()}
 
 
 def unpack(where: Path, files: dict[str, bytes]) -> None:

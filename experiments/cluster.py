@@ -16,7 +16,7 @@ from experiments.grid import Cell
 from transferkit.errors import ConfigError
 
 if TYPE_CHECKING:
-    from experiments.matrix import Outcome
+    from experiments.running import Outcome
 
 RETRIES = 20
 """Times a run is given to another worker when its own is lost with its machine."""
@@ -49,42 +49,52 @@ class RayPool:
             answer.set_result(outcome)
 
 
-@contextmanager
-def ray_pool(address: str, out: Path) -> Iterator[RayPool]:
-    """One run a core on every machine of the cluster, which has transferkit installed; a lost machine's runs move on.
+def connect(address: str) -> int:
+    """Connect with a cluster, on which transferkit is installed; returns how many cores it has.
 
     Raises:
-        ConfigError: Ray is not installed, or no cluster answers.
+        ConfigError: Ray is not installed, no address, or no cluster answers.
     """
+    _check_address(address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
     try:
         import ray  # type: ignore[import-not-found] # noqa: PLC0415 - an extra, and seconds to import
     except ImportError:
         raise ConfigError("--ray needs Ray, which is not installed; pip install 'transferkit[cluster]'") from None
-    check_address(address)
     environment = {"py_modules": [str(Path(__file__).parent)], "env_vars": {"OMP_NUM_THREADS": "1"}}
     try:
         ray.init(address=address, runtime_env=environment, log_to_driver=False, logging_level="ERROR")
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _no_cluster(address, error) from None
+    return int(ray.cluster_resources()["CPU"])
+
+
+@contextmanager
+def ray_pool(out: Path) -> Iterator[RayPool]:
+    """One run a core on every machine of the cluster that is connected; a lost machine's runs move on."""
+    import ray  # type: ignore[import-not-found] # noqa: PLC0415
+
     try:
         yield RayPool(ray.remote(num_cpus=1, max_retries=RETRIES)(_work), out)
     finally:
         ray.shutdown()
 
 
-def check_address(address: str) -> None:
+def _check_address(address: str) -> None:
     """Find out at once whether anything listens; Ray itself would try for minutes.
 
     Raises:
         ConfigError: nothing does, or it is no address.
     """
+    if address == "auto":
+        return
     host, _, port = address.removeprefix("ray://").rpartition(":")
-    if host:
-        try:
-            socket.create_connection((host, int(port)), timeout=10).close()
-        except (OSError, ValueError) as error:
-            raise _no_cluster(address, error) from None
+    if not host or not port.isdecimal():
+        raise ConfigError(f"--ray {address} is no address; pass auto, HOST:PORT or ray://HOST:PORT")
+    try:
+        socket.create_connection((host, int(port)), timeout=10).close()
+    except (OSError, OverflowError) as error:
+        raise _no_cluster(address, error) from None
 
 
 def _no_cluster(address: str, error: Exception) -> ConfigError:

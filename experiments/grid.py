@@ -7,18 +7,23 @@ import itertools
 import json
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, get_args, get_type_hints
 
 from experiments.arms import ARMS, WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from transferkit.budget import Budget
 from transferkit.config import Algorithm, Preset, TrainConfig, preset
-from transferkit.envs import environment_ids
-from transferkit.envs.make import LISTING
-from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
+from transferkit.envs import derive_spec
+from transferkit.errors import ConfigError, TransferkitError, did_you_mean
 from transferkit.zoo.artifact import load_core
+
+SECTIONS = ("ppo", "dyna", "wrap")
+"""Parts of a configuration whose fields a trainer can set."""
+
+DISTINCT = ("transfer", "frozen", "padded")
+"""Arms whose sandwiches differ in their options, so that each could be refused by itself."""
 
 
 class GridError(ConfigError):
@@ -101,7 +106,6 @@ class Grid:
         with _at("episodes", "steps", "seconds"):
             Budget(self.episodes, self.steps, self.seconds)
         check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, ZERO_ACTION))
-        check_names("target", self.targets, environment_ids(), LISTING)
         names = [trainer.name or trainer.algo for trainer in self.trainer]
         for what, values in {
             "core": self.cores,
@@ -115,6 +119,9 @@ class Grid:
         for trainer in self.trainer:
             check_names("algo", (trainer.algo,), get_args(Algorithm))
             check_names("preset", (trainer.preset,), get_args(Preset))
+        for name in self.targets:
+            with _at(name):
+                derive_spec(name)
         for name in self.cores:
             with _at(name):
                 core = load_core(name)
@@ -123,26 +130,38 @@ class Grid:
                     core.network(member)
 
     def cells(self) -> list[Cell]:
-        """Every run once: arms without a core, or without a member, are not repeated for every one."""
+        """Every run once: arms without a core, or without a member, are not repeated for every one.
+
+        Raises:
+            GridError: a setting cannot be, or a core cannot be built into a target with it.
+        """
         found: dict[str, Cell] = {}
-        lists = self.cores, self.members, self.targets, self.trainer, self.arms, self.seeds
-        for core, member, target, trainer, arm, seed in itertools.product(*lists):
-            plain = TrainConfig(target, core=core, member=member, algo=trainer.algo, seed=seed)
-            with _at(trainer.preset, trainer.algo):
-                config = preset(plain, trainer.preset)
-            config = _override(config, trainer.set)
-            bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
-            with _at("eval_every", "eval_episodes"):
-                config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
-            cell = Cell(core, member, target, arm, trainer.name or trainer.algo, config)
+        configs = {trainer.name or trainer.algo: self._config(trainer) for trainer in self.trainer}
+        lists = self.cores, self.members, self.targets, configs.items(), self.arms, self.seeds
+        for core, member, target, (name, config), arm, seed in itertools.product(*lists):
+            cell = Cell(core, member, target, arm, name, replace(config, env=target, core=core, member=member, seed=seed))
             if arm in WITHOUT_MEMBER:
-                cell = replace(cell, member=0, config=replace(config, member=0))
+                cell = replace(cell, member=0, config=replace(cell.config, member=0))
             if arm in WITHOUT_CORE:
                 cell = replace(cell, core="", config=replace(cell.config, core=None))
             if arm == ZERO_ACTION:
                 cell = Cell("", 0, target, arm, "", TrainConfig(target, eval_episodes=self.eval_episodes))
             found.setdefault(cell.id, cell)
         return list(found.values())
+
+    def _config(self, trainer: Trainer) -> TrainConfig:
+        """A trainer's configuration, on the first target."""
+        with _at(trainer.preset, trainer.algo):
+            config = preset(TrainConfig(self.targets[0], algo=trainer.algo), trainer.preset)
+        config = _override(config, _by_dotted_name(trainer.set))
+        bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
+        with _at("eval_every", "eval_episodes"):
+            config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
+        for core, target, arm in itertools.product(self.cores, self.targets, DISTINCT):
+            if arm in self.arms:
+                with _at(*(name.rpartition(".")[2] for name in trainer.set), target, core):
+                    ARMS[arm](replace(config, env=target), load_core(core))
+        return config
 
 
 @contextmanager
@@ -154,13 +173,28 @@ def _at(*where: str) -> Iterator[None]:
         raise GridError(error, *where) from None
 
 
+def _by_dotted_name(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings by dotted name, quoted in TOML or not."""
+    flat: dict[str, Any] = {}
+    for name, value in values.items():
+        flat |= (
+            {f"{name}.{key}": own for key, own in value.items()}
+            if name in SECTIONS and isinstance(value, Mapping)
+            else {name: value}
+        )
+    return flat
+
+
 def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
     for name, value in values.items():
         section, _, key = name.partition(".")
         part = getattr(config, section, None)
-        kinds = get_type_hints(type(part)) if section in ("ppo", "dyna", "wrap") else {}
+        kinds = get_type_hints(type(part)) if section in SECTIONS else {}
         if key not in kinds:
-            raise GridError(f"set has no field {name}; write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key)
+            known = [f"{section}.{f.name}" for section in SECTIONS for f in fields(getattr(config, section))]
+            raise GridError(
+                f"set has no field {name}; {did_you_mean(name, known)}write ppo.FIELD, dyna.FIELD or wrap.FIELD", name, key
+            )
         fixed = tuple(value) if isinstance(value, list) else value
         if value == "none" and type(None) in get_args(kinds[key]):
             fixed = None
@@ -193,10 +227,8 @@ def repeated(rows: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, str]]:
             yield count, ", ".join(f"{name} {value}" for name, value in row if value != "")
 
 
-def check_names(what: str, names: Any, known: Any, listing: str = "") -> None:  # noqa: ANN401 - any collections of strings
-    """Refuse the first name that is not known; where a command lists the known ones, the nearest are named, else all."""
+def check_names(what: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse the first name that is not known."""
     for name in names:
         if name not in known:
-            if listing:
-                raise GridError(UnknownNameError(what, name, known, listing), name)
-            raise GridError(f"unknown {what} {name!r}; known are {', '.join(known)}", name)
+            raise GridError(f"unknown {what} {name!r}; {did_you_mean(name, known)}known are {', '.join(known)}", name)

@@ -1,25 +1,4 @@
-"""Grids of runs in TOML, checked before anything runs.
-
-```toml
-episodes = 200                       # and/or steps, seconds; as in every budget
-cores = ["inverted-pendulum-v1"]
-members = "0-1"                      # source seeds of each core, crossed with the seeds
-targets = ["InvertedDoublePendulum-v5"]
-arms = ["transfer", "scratch", "random"]
-seeds = "0-9"                        # or a list, as members
-eval_every = 500
-
-[[trainer]]
-name = "fast PPO"                    # in tables; by default the algorithm's
-algo = "ppo"
-preset = "default"
-set = { "ppo.learning_rate" = 1e-3 } # any field of the configuration
-
-[[part]]                             # several products in one file: what each has in place of the keys above
-targets = ["Hopper-v5"]
-seeds = "0-4"
-```
-"""
+"""Grids of runs in TOML, checked before anything runs; `docs/experiments.md` has one with every key."""
 
 from __future__ import annotations
 
@@ -35,6 +14,9 @@ from transferkit.errors import ConfigError
 
 WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
 ITEMS = {"cores": str, "targets": str, "arms": str, "trainer": dict}
+MOST = 10_000
+"""Seeds, or members, of a grid."""
+
 KINDS = {str: "names", dict: "tables, each written as [[trainer]]"}
 
 
@@ -101,6 +83,8 @@ def _numbers(name: str, value: object) -> list[int]:
     first, dash, last = str(value).partition("-")
     if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
         raise GridError(f'{name}={value!r} must be a list of whole numbers from 0, or "0-9"', name)
+    if int(last) - int(first) >= MOST:
+        raise GridError(f"{name}={value!r} are more than {MOST:,}; give fewer", name)
     return list(range(int(first), int(last) + 1))
 
 

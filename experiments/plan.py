@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from experiments.arms import ZERO_ACTION
+from experiments.cells import columns
 from experiments.grid import Cell
+from experiments.rows import BUDGETS
 from transferkit.envs import episode_limit, make_env
 from transferkit.table import format_table
 from transferkit.transfer import run_training
@@ -21,44 +23,75 @@ from transferkit.transfer import run_training
 TRIAL_SECONDS = 3.0
 """Of training, where no finished run tells how long one takes."""
 
-Kind = tuple[str, str]
-"""Target and trainer, which a run's time depends on."""
+Kind = tuple[Any, ...]
+"""What a run's time depends on: target, trainer, preset, whether there is a core, budget."""
+
+Range = tuple[float, float]
+"""Seconds, at least and at most."""
 
 
 def plan(cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Mapping[str, Any]], workers: int) -> str:
     """A line for every target and trainer, by rows of finished runs or, where there are none, by a trial of a few seconds."""
-    known = defaultdict(list)
-    for row in done:
-        known[row["target"], row["trainer"]].append(float(row["seconds"]))
-    groups: dict[Kind, list[Cell]] = defaultdict(list)
+    known, waiting, lines = _known(done), {cell.id for cell in todo}, []
+    groups: dict[tuple[str, str], list[Cell]] = defaultdict(list)
     for cell in cells:
         if cell.arm != ZERO_ACTION:  # which takes no time
-            groups[cell.row["target"], cell.row["trainer"]].append(cell)
-    waiting, rows, total = {cell.id for cell in todo}, [], 0.0
-    for kind, members in groups.items():
+            groups[cell.target, cell.trainer].append(cell)
+    total = np.zeros(2)
+    for names, members in groups.items():
         left = [cell for cell in members if cell.id in waiting]
-        each = float(np.mean(known[kind])) if kind in known else trial(left[0]) if left else 0.0
-        total += len(left) * each
-        source = "finished runs" if kind in known else f"a trial of {TRIAL_SECONDS:.0f} s"
-        rows.append((*kind, str(len(members)), str(len(left)), f"{each:.0f} s", source))
-    lines = format_table(("target", "trainer", "runs", "to do", "each", "by"), rows)
-    return f"{lines}\n{len(cells)} runs, {len(todo)} to do; about {total / workers / 60:.0f} minutes with {workers} workers"
+        new = [cell for cell in left if _kind_of(cell) not in known]
+        tried = trial(max(new, key=lambda cell: cell.config.core is not None)) if new else (0.0, 0.0)
+        each = [known.get(_kind_of(cell), tried) for cell in left or members]
+        total += np.sum(each, axis=0) * bool(left)
+        sources = ["finished runs"] * (len(new) < len(left or members)) + [f"a trial of {TRIAL_SECONDS:.0f} s"] * bool(new)
+        lines.append((*names, str(len(members)), str(len(left)), f"{_range(np.mean(each, axis=0))} s", ", ".join(sources)))
+    table = format_table(("target", "trainer", "runs", "to do", "each", "by"), lines)
+    return f"{table}\n{len(cells)} runs, {len(todo)} to do; about {_range(total / workers / 60)} minutes with {workers} workers"
 
 
-def trial(cell: Cell) -> float:
-    """Seconds that a run will take, if it goes on as fast, with episodes as long, as it begins.
+def _known(done: Sequence[Mapping[str, Any]]) -> dict[Kind, Range]:
+    """Mean time of the finished runs of each kind."""
+    times = defaultdict(list)
+    for row in done:
+        times[_kind(row, [row[name] for name in BUDGETS])].append(float(row["seconds"]))
+    return {kind: (float(np.mean(found)),) * 2 for kind, found in times.items()}
 
-    A policy that learns not to fall has longer episodes, so a budget of episodes alone may take longer.
+
+def _kind(row: Mapping[str, Any], budget: Iterable[float | None]) -> Kind:
+    return *(row[name] for name in ("target", "trainer", "preset")), bool(row["core"]), *budget
+
+
+def _kind_of(cell: Cell) -> Kind:
+    return _kind(cell.row, (cell.config.episodes, cell.config.steps, cell.config.seconds))
+
+
+def _range(seconds: Sequence[float]) -> str:
+    low, high = (f"{value:.0f}" for value in seconds)
+    return low if low == high else f"{low} to {high}"
+
+
+def trial(cell: Cell) -> Range:
+    """Seconds that a run will take with episodes as long as its first ones, and with episodes of full length.
+
+    A policy that learns not to fall has longer episodes, so what a budget of episodes takes is known only between these two.
     """
-    config = replace(cell.config, core=None, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0)
+    config = replace(cell.config, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0)
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # where training leaves Ctrl-C alone
-        result = thread.submit(run_training, config, out=Path(scratch) / "trial").result()
-    per_step = result.seconds / result.steps
-    if cell.config.episodes is None:
-        steps = float("inf")
-    elif result.episodes:
-        steps = cell.config.episodes * result.steps / result.episodes
-    else:
-        steps = cell.config.episodes * (episode_limit(make_env(cell.config.env)) or result.steps)
-    bounds = steps, cell.config.steps or float("inf")
-    return min(min(bounds) * per_step, cell.config.seconds or float("inf"))
+        out = Path(scratch) / "trial"
+        result = thread.submit(run_training, config, out=out).result()
+        finished = columns(out, "episodes")
+    pace = result.seconds / result.steps
+    late = finished["seconds"] > result.seconds / 2  # a model-based trainer begins with steps in which it does not learn
+    if late.any() and (steps := np.ptp(finished["steps"][late])):
+        pace = max(pace, float(np.ptp(finished["seconds"][late]) / steps))
+    longest = episode_limit(make_env(config.env)) or result.steps
+    first = result.steps / result.episodes if result.episodes else longest
+    return _seconds(cell, first, pace), _seconds(cell, longest, pace)
+
+
+def _seconds(cell: Cell, length: float, pace: float) -> float:
+    """What a budget takes with episodes of this length, at so many seconds a step."""
+    budget = cell.config
+    steps = min((budget.episodes or float("inf")) * length, budget.steps or float("inf"))
+    return min(steps * pace, budget.seconds or float("inf"))

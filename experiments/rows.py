@@ -97,6 +97,8 @@ def _mean(returns: NDArray[np.float64]) -> float | str:
 def _known_rows(out: Path) -> dict[str, Row]:
     """The rows of all tables of known runs, by id; of a run that failed once and finished once, the latter."""
     rows: dict[str, Row] = {}
+    if (out / KNOWN).is_file():
+        raise RunDirectoryError(f"{out / KNOWN} is a file; make it a folder, and put the table into it as a .csv")
     for path in sorted((out / KNOWN).glob("*.csv")):
         for row in _read(path):
             earlier = rows.get(row["id"])

@@ -17,6 +17,9 @@ CONTROLS = ("random", "random-matched", "shuffled")
 
 POSITIVE, NEGATIVE, NONE = "transfer", "negative transfer", "no evidence"
 
+FEW = 5
+"""Seeds below which an interval says little beyond its assumption that differences are normal."""
+
 Scores = NDArray[np.float64]
 """`(members, seeds)`, NaN where a run is missing; one row for an arm without a core."""
 
@@ -46,6 +49,9 @@ def judge(scores: Mapping[str, Scores]) -> Verdict:
         return Verdict(NONE, "The core was not run.")
     controls, scratch = _differences(scores), _difference(scores, SCRATCH)
     kind, reason = _decide(controls, scratch, [name for name in (*CONTROLS, SCRATCH) if name not in scores])
+    fewest = min((difference.n for difference in (*controls.values(), scratch) if difference), default=FEW)
+    if kind != NONE and fewest < FEW:
+        reason += f" From {fewest} seeds only: it holds if differences are normal; run at least {FEW}."
     return Verdict(kind, reason, controls, scratch)
 
 

@@ -6,6 +6,12 @@ import difflib
 from collections.abc import Iterable
 
 
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question with the nearest of the known names and a space, for the middle of a message; empty where none is near."""
+    close = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
+    return f"did you mean {' or '.join(close)}? " if close else ""
+
+
 class TransferkitError(Exception):
     """Base of every error that the command line prints as one line with exit code 2."""
 
@@ -14,9 +20,7 @@ class UnknownNameError(TransferkitError):
     """A name that no environment, core or option carries."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str], listing: str) -> None:
-        close = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
-        hint = f"; did you mean {' or '.join(close)}?" if close else ";"
-        super().__init__(f"unknown {kind} '{name}'{hint} `{listing}` lists them")
+        super().__init__(f"unknown {kind} '{name}'; {did_you_mean(name, known)}`{listing}` lists them")
 
 
 class EnvironmentContractError(TransferkitError):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -45,6 +46,7 @@ class Group:
         trained = {name: arm for name, arm in self.arms.items() if name != ZERO_ACTION}
         scores = {name: self.grid(name, "eval_return_mean") for name in trained}
         worst = min(np.nanmin(values, initial=np.inf) for values in scores.values())
+        worst = worst if np.isfinite(worst) else np.nan  # no run has finished
         for name, arm in trained.items():
             for row in arm.failed:
                 scores[name][self._place(name, row)] = worst
@@ -118,8 +120,10 @@ def load_matrix(root: Path) -> Matrix:
     """Read a matrix; damaged cells are named, and stay out of everything else.
 
     Raises:
-        RunDirectoryError: no finished run is there.
+        RunDirectoryError: no folder is there, or no finished run in it.
     """
+    if not root.is_dir():
+        raise RunDirectoryError(f"{root} is no folder; pass one that `python -m experiments.matrix GRID --out DIR` wrote")
     damaged = problems(root)
     finished, failed = ended(root, damaged)
     if not finished:
@@ -149,17 +153,17 @@ def label(row: Mapping[str, Any]) -> str:
 
 def _groups(rows: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]], root: Path) -> list[Group]:
     groups = []
-    trained = [row for row in rows if row["arm"] != ZERO_ACTION]
-    for target, trainer in sorted({(row["target"], row["label"]) for row in trained}):
-        here = [row for row in trained if (row["target"], row["label"]) == (target, trainer)]
+    trained, lost = ([row for row in found if row["arm"] != ZERO_ACTION] for found in (rows, failed))
+    for target, trainer in sorted({(row["target"], row["label"]) for row in (*trained, *lost)}):
+        here, gone = ([row for row in found if (row["target"], row["label"]) == (target, trainer)] for found in (trained, lost))
         idle = [row for row in rows if row["arm"] == ZERO_ACTION and row["target"] == target]
-        cores = sorted({row["core"] for row in here if row["core"]}) or [""]
+        cores = sorted({row["core"] for row in (*here, *gone) if row["core"]}) or [""]
         low = idle[0]["eval_return_mean"] if idle else None
-        high, source = best(target, max(row["eval_return_mean"] for row in rows if row["target"] == target))
+        reached = [row["eval_return_mean"] for row in rows if row["target"] == target]
+        high, source = best(target, max(reached, default=-math.inf))
         high = high if low is not None and high > low else None
-        lost = [row for row in failed if (row["target"], row["label"]) == (target, trainer)]
         for core in cores:
-            own, own_lost = ([row for row in found if row["core"] in ("", core)] for found in (here + idle, lost))
+            own, own_lost = ([row for row in found if row["core"] in ("", core)] for found in (here + idle, gone))
             names = sorted({row["arm"] for row in (*own, *own_lost)}, key=_rank)
             of_arm = lambda found, name: [row for row in found if row["arm"] == name]  # noqa: E731
             arms = {name: Arm(name, of_arm(own, name), root, of_arm(own_lost, name)) for name in names}

@@ -17,6 +17,7 @@ from experiments.report.data import Group, Matrix
 from experiments.report.runs import AXES, EVALUATIONS, WINDOWS, Arm
 from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows
 from experiments.verdict import NEGATIVE, NONE, POSITIVE
+from transferkit.run.files import write_atomically
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 SIGNS = {POSITIVE: "+", NEGATIVE: "-", NONE: "○"}
@@ -48,7 +49,7 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
         plotly=get_plotlyjs(),
         dumps=dumps,
     )
-    out.write_text(page)
+    write_atomically(out, page.encode())
 
 
 def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any]:
@@ -60,6 +61,7 @@ def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any
         "trainer": trainer,
         "x": targets,
         "y": cores,
+        "scaled": any(group.scaled for group in groups.values()),
         "z": [[group and (group.normalized_difference or 0.0) for group in row] for row in grid],
         "text": [["" if group is None else _heat_text(group) for group in row] for row in grid],
         "words": [["" if group is None else group.verdict.kind for group in row] for row in grid],

@@ -77,7 +77,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN4
         if ZERO_ACTION in groups[0].arms:
             axis.axhline(groups[0].low, color="grey", linestyle="-.", linewidth=1, label="zero action")
         axis.set_xlabel("training episodes" if unit == "episodes" else "environment steps")
-        axis.set_title(window)
+        axis.set_title(f"{window}, over {unit}")
         axis.locator_params(axis="x", nbins=6)
     axes[0].set_ylabel("training return, IQM over runs with 95 % interval")
     _legend_below(figure, axes[0])

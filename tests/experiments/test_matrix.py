@@ -4,15 +4,19 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from dataclasses import fields
+from pathlib import Path
 
 import pytest
 
-from experiments import matrix
-from experiments.cells import EVALUATIONS
+from experiments import matrix, plan, running
+from experiments.cells import ERROR, EVALUATIONS, folder
+from experiments.grid import Grid, Trainer
 from experiments.grid_file import load_cells
-from experiments.rows import KNOWN, ended
+from experiments.rows import KNOWN, TABLE, collect, ended
 from transferkit.errors import TransferkitError
 
+DOCS = Path(__file__).parents[2] / "docs" / "experiments.md"
 GRID = """
 steps = 150
 cores = ["inverted-pendulum-v1"]
@@ -33,7 +37,7 @@ def grid(tmp_path):
     return write
 
 
-def results(out, table=matrix.TABLE):
+def results(out, table=TABLE):
     with (out / table).open() as file:
         return [{name: value for name, value in row.items() if name != "seconds"} for row in csv.DictReader(file)]
 
@@ -51,7 +55,7 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
     counts = Counter(cell.arm for cell in cells)
     assert counts == {"transfer": 4, "random": 4, "scratch-matched": 2, "scratch": 2, "constant": 2, "zero-action": 1}
     assert len({cell.id for cell in cells}) == len(cells)
-    trained = GRID + '[[trainer]]\nset = { "ppo.epochs" = 3, "ppo.max_grad_norm" = "none" }\n'
+    trained = GRID + '[[trainer]]\nset = { ppo.epochs = 3, "ppo.max_grad_norm" = "none" }  # quoted or not\n'
     settings = {
         (cell.config.ppo.epochs, cell.config.ppo.max_grad_norm) for cell in load_cells(grid(trained)) if cell.arm == "transfer"
     }
@@ -60,12 +64,19 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
     assert len(load_cells(grid(parts))) == 7 + 2
 
 
+def test_the_grid_of_the_docs_has_every_key(grid):
+    text = DOCS.read_text().partition("```toml\n")[2].partition("```")[0]
+    keys = {line.partition(" = ")[0] for line in text.splitlines()}
+    assert {f.name for f in (*fields(Grid), *fields(Trainer))} - keys == {"trainer", "steps", "seconds"}
+    assert len(load_cells(grid(text))) == 10 * (2 * 4 + 1) + 1 + 5 * (2 * 4 + 1) + 1
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
         ("steps = 150", "", "grid.toml: no budget given"),
         ('"transfer"', '"transfers"', "line 5: unknown arm 'transfers'"),
-        ("InvertedDoublePendulum-v5", "Inverted-v0", "line 4: unknown target 'Inverted-v0'"),
+        ("InvertedDoublePendulum-v5", "Inverted-v0", "line 4: unknown environment 'Inverted-v0'"),
         ("inverted-pendulum-v1", "nothing-v1", "line 3: .*nothing-v1"),
         ('"0-1"', '"1-0"', "line 6: .*must be a list of whole numbers"),
         ("steps = 150", "steps = 150\nmembers = [9]", "line 3: .*no member 9"),
@@ -96,7 +107,20 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
         ("eval_episodes = 2", "members = []", "line 7: the grid has no members"),
         ("eval_episodes = 2", "trainer = [1]", "line 7: trainer=.* must be a list of tables"),
         ("eval_episodes = 2", "[[trainer]]\nset = 3", "line 8: set=3 must be a table"),
-        ("eval_episodes = 2", "eval_every = -1", "line 7: eval_episodes=20 and eval_every=-1"),
+        ("eval_episodes = 2", "eval_every = -1", "line 7: eval_every=-1 must be at least 0; set eval_every"),
+        ("eval_episodes = 2", "eval_episodes = 0", "line 7: eval_episodes=0 must be at least 1; set eval_episodes"),
+        ('"0-1"', '"0-99999999999"', "line 6: .* are more than 10,000"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.learnin_rate" = 1 }', "line 8: .*did you mean ppo.learning_rate"),
+        (
+            'Pendulum-v5"]\narms',
+            'Pendulum-v5", "Reacher-v5"]\ntrainer = [{ set = { "wrap.adapter" = "semantic" } }]\narms',
+            "line 5: adapter='semantic' finds nothing in Reacher-v5",
+        ),
+        (
+            'arms = ["transfer"',
+            'trainer = [{ preset = "paper" }]\narms = ["padded", "transfer"',
+            "freeze names no part 'output_adapter'",
+        ),
         ("steps = 150", 'seconds = "a"', "line 2: seconds='a' must be a number"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "dyna.tau" = 3 }', "line 8: tau=3 .*; set dyna.tau"),
     ],
@@ -115,7 +139,7 @@ def test_a_killed_matrix_goes_on_to_the_same_table(grid, tmp_path):
         time.sleep(0.05)
     killed.send_signal(signal.SIGKILL)
     killed.wait()
-    assert not (tmp_path / "killed" / matrix.TABLE).exists()
+    assert not (tmp_path / "killed" / TABLE).exists()
     again = start(path, tmp_path / "killed")
     assert again.wait(timeout=120) == 0, again.stderr.read()
     assert results(tmp_path / "killed") == results(tmp_path / "whole")
@@ -136,28 +160,28 @@ def test_ctrl_c_says_that_the_same_command_goes_on(grid, tmp_path):
 def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):
     cell = load_cells(grid())[0]
     with monkeypatch.context() as patch:
-        patch.setattr(matrix, "run_training", lambda *_, **__: 1 / 0)
-        outcome = matrix.run_cell(cell, tmp_path, "test")
+        patch.setattr(running, "run_training", lambda *_, **__: 1 / 0)
+        outcome = running.run_cell(cell, tmp_path, "test")
     assert outcome.error == "ZeroDivisionError: division by zero"
-    error = matrix.folder(tmp_path, cell) / matrix.ERROR
+    error = folder(tmp_path, cell) / ERROR
     assert error.exists()
-    assert matrix.collect(tmp_path) == []
+    assert collect(tmp_path) == []
     (tmp_path / "copy" / KNOWN).mkdir(parents=True)
-    (tmp_path / matrix.TABLE).rename(tmp_path / "copy" / KNOWN / "failed.csv")
+    (tmp_path / TABLE).rename(tmp_path / "copy" / KNOWN / "failed.csv")
     (failed,) = ended(tmp_path / "copy", [])[1]
     assert ended(tmp_path, []) == ([], [failed])
     assert failed["error"] == outcome.error
-    assert matrix.run_cell(cell, tmp_path, "test").error == ""
+    assert running.run_cell(cell, tmp_path, "test").error == ""
     assert not error.exists()
-    assert matrix.collect(tmp_path)[0]["arm"] == "transfer"
+    assert collect(tmp_path)[0]["arm"] == "transfer"
 
 
 def test_a_table_stands_for_runs_whose_folders_are_gone(grid, tmp_path, monkeypatch, capsys):
     path, out = grid(), tmp_path / "out"
-    assert matrix.run_cell(load_cells(path)[0], tmp_path / "lost", "test").error == ""
-    rows = matrix.collect(tmp_path / "lost")
+    assert running.run_cell(load_cells(path)[0], tmp_path / "lost", "test").error == ""
+    rows = collect(tmp_path / "lost")
     (out / KNOWN).mkdir(parents=True)
-    earlier = (tmp_path / "lost" / matrix.TABLE).rename(out / KNOWN / "earlier.csv")
+    earlier = (tmp_path / "lost" / TABLE).rename(out / KNOWN / "earlier.csv")
     assert ended(out, []) == (rows, [])
     monkeypatch.setattr("sys.argv", ["matrix", str(path), "--out", str(out), "--dry-run"])
     assert matrix.main() == 0
@@ -177,3 +201,39 @@ def test_a_table_stands_for_runs_whose_folders_are_gone(grid, tmp_path, monkeypa
     earlier.write_text("id,core\n")
     assert matrix.main() == 2
     assert "has no column member" in capsys.readouterr().err
+
+
+def test_the_plan_counts_time_by_runs_of_the_same_kind_and_budget(grid, monkeypatch):
+    monkeypatch.setattr(plan, "trial", lambda _: (60.0, 300.0))
+    cells = load_cells(grid())
+    scratch = next(cell for cell in cells if cell.arm == "scratch")
+    row = scratch.row | {"budget_episodes": None, "budget_steps": 150, "budget_seconds": None, "seconds": 120.0}
+    todo = [cell for cell in cells if cell is not scratch]
+    text = plan.plan(cells, todo, [row, row | {"seconds": 180.0}], 2)
+    # four runs with a core are tried, 60 to 300 s each; the scratch run that is left takes the 150 s that such runs took
+    assert "7 runs, 6 to do; about 3 to 11 minutes with 2 workers" in text
+    assert "78 to 270 s" in text
+    assert "finished runs, a trial of 3 s" in text
+    known = plan.plan(cells, todo, [row, row | {"core": "inverted-pendulum-v1"}], 1)
+    assert "about 10 minutes with 1 workers" in known
+    other_budget = plan.plan(cells, todo, [row | {"budget_steps": 1500}], 1)
+    assert "about 5 to 25 minutes" in other_budget
+
+
+def test_what_cannot_be_written_or_reached_is_one_line(grid, tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").touch()
+    command = ["matrix", str(grid()), "--out"]
+    for more, message in (
+        ([str(tmp_path / "file")], f"{tmp_path}/file cannot be written (Not a directory); pass another --out DIR"),
+        ([str(tmp_path / "out"), "--ray", "nonsense"], "--ray nonsense is no address; pass auto, HOST:PORT or ray://HOST:PORT"),
+        ([str(tmp_path / "out"), "--workers", "0"], "workers=0 must be at least 1; pass --workers"),
+    ):
+        monkeypatch.setattr("sys.argv", [*command, *more])
+        assert matrix.main() == 2
+        assert capsys.readouterr().err == f"error: {message}\n"
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_takes_long_to_import_waits_until_ctrl_c_is_heeded():
+    code = "import sys, experiments.matrix, experiments.report.__main__; sys.exit(bool({'torch', 'numpy'} & {*sys.modules}))"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)

@@ -10,13 +10,15 @@ import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
 
-from experiments import matrix
-from experiments.cells import CELLS, SET_ASIDE, problems, set_damaged_aside
+from experiments.cells import CELLS, SET_ASIDE, finished, problems, set_damaged_aside
 from experiments.grid_file import load_cells
+from experiments.report.__main__ import main
 from experiments.report.data import Group, load_matrix
 from experiments.report.runs import Arm, running_mean
-from experiments.report.tables import arm_rows
-from experiments.rows import KNOWN
+from experiments.report.tables import arm_rows, verdict_rows
+from experiments.report.write import report
+from experiments.rows import KNOWN, collect
+from experiments.running import run_cell
 from experiments.verdict import paired
 from transferkit.errors import RunDirectoryError
 
@@ -44,7 +46,7 @@ def results(tmp_path_factory):
     root = tmp_path_factory.mktemp("matrix")
     (root / "grid.toml").write_text(GRID)
     for cell in load_cells(root / "grid.toml"):
-        assert matrix.run_cell(cell, root, "the command").error == ""
+        assert run_cell(cell, root, "the command").error == ""
     return root
 
 
@@ -129,10 +131,61 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
     lines = set_damaged_aside(root, problems(root))
     assert len(lines) == 6
     assert len(list((root / SET_ASIDE).iterdir())) == 6
-    todo = [c for c in load_cells(root / "grid.toml") if not matrix.finished(root, c).exists()]
+    todo = [c for c in load_cells(root / "grid.toml") if not finished(root, c).exists()]
     assert len(todo) == 6
-    assert [matrix.run_cell(cell, root, "the command").error for cell in todo] == [""] * 6
-    assert len(matrix.collect(root)) == 11
+    assert [run_cell(cell, root, "the command").error for cell in todo] == [""] * 6
+    assert len(collect(root)) == 11
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "what"),
+    [
+        ("run/policy.safetensors", lambda data: data[:-100], "run/policy.safetensors cannot be read"),
+        ("run/policy.safetensors", lambda _: None, "policy.safetensors is missing"),
+        ("run/run.json", lambda _: None, "run.json is missing"),
+        ("run/episodes.csv", lambda data: data.replace(b"return", b"reward"), "episodes.csv has no return"),
+        ("run/result.json", lambda data: data.replace(b"steps", b"step"), "result.json has no steps"),
+        ("run/result.json", lambda data: data[:9], "run/result.json is damaged (Unterminated string"),
+        ("cell.json", lambda data: data.replace(b'"arm"', b'"arms"'), "cell.json has no arm"),
+        ("cell.json", lambda _: None, "it holds no cell.json"),
+    ],
+)
+def test_damage_is_named_by_its_file(results, tmp_path, name, change, what):
+    cell = next(cell for cell in load_cells(results / "grid.toml") if cell.arm == "scratch")
+    where = tmp_path / CELLS / cell.id
+    shutil.copytree(results / CELLS / cell.id, where)
+    assert problems(tmp_path) == {}
+    data = change((where / name).read_bytes())
+    (where / name).unlink()
+    if data is not None:
+        (where / name).write_bytes(data)
+    assert problems(tmp_path)[where].startswith(what)
+
+
+def test_a_core_whose_every_run_fails_has_a_verdict(results, tmp_path):
+    root = tmp_path / "copy"
+    shutil.copytree(results, root)
+    for cell in load_cells(root / "grid.toml"):
+        if cell.arm == "transfer":
+            (root / CELLS / cell.id / "run" / "result.json").unlink()
+            (root / CELLS / cell.id / "error.txt").write_text("DivergedError: made up")
+    verdicts = verdict_rows(load_matrix(root))
+    assert [row["core"] for row in verdicts] == ["inverted-pendulum-v1"] * 2
+    for row in verdicts:
+        assert "Failed runs, which count as the worst run of the comparison: transfer 2." in row["reason"]
+        assert row["transfer_minus_scratch"] <= 0
+
+
+def test_a_report_replaces_what_an_earlier_one_left(page, results, tmp_path):
+    (tmp_path / "mine_files").mkdir()
+    for name in ("curves_Hopper-v5.png", "curves.csv", "notes.txt"):
+        (tmp_path / "mine_files" / name).touch()
+    (tmp_path / KNOWN).mkdir()
+    shutil.copy(results / "report_files" / "runs.csv", tmp_path / KNOWN)
+    report(tmp_path, tmp_path / "mine.html")
+    left = {path.name for path in (tmp_path / "mine_files").iterdir()}
+    assert "notes.txt" in left
+    assert not left & {"curves_Hopper-v5.png", "curves.csv"}
 
 
 def made_up(arm, member, seed, value):
@@ -182,17 +235,28 @@ def test_runs_of_two_settings_under_one_name_are_refused(results, tmp_path, chan
     shutil.copytree(results, root)
     (root / "grid.toml").write_text(changed)
     cell = next(cell for cell in load_cells(root / "grid.toml") if cell.arm == "scratch")
-    assert matrix.run_cell(cell, root, "the command").error == ""
+    assert run_cell(cell, root, "the command").error == ""
     with pytest.raises(RunDirectoryError, match=message):
         load_matrix(root)
 
 
-def test_no_results_is_one_line(tmp_path):
-    command = [sys.executable, "-m", "experiments.report", str(tmp_path), "--out", str(tmp_path / "report.html")]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"error: {tmp_path} holds no finished run")
-    assert done.stderr.count("\n") == 1
+def test_what_cannot_be_reported_is_one_line(results, tmp_path, monkeypatch, capsys):
+    (tmp_path / "file").touch()
+    (tmp_path / "known").touch()
+    (tmp_path / "empty").mkdir()
+    for root, out, message in (
+        (tmp_path / "empty", tmp_path / "page.html", f"{tmp_path}/empty holds no finished run; make some with"),
+        (tmp_path / "none", tmp_path / "page.html", f"{tmp_path}/none is no folder; pass one that"),
+        (tmp_path / "file", tmp_path / "page.html", f"{tmp_path}/file is no folder; pass one that"),
+        (tmp_path, tmp_path / "page.html", f"{tmp_path}/known is a file; make it a folder"),
+        (results, tmp_path, f"{tmp_path} is a folder; pass a file, as --out {tmp_path}/report.html"),
+        (results, tmp_path / "file" / "page.html", f"{tmp_path}/file/page_files cannot be written (Not a directory)"),
+    ):
+        monkeypatch.setattr("sys.argv", ["report", str(root), "--out", str(out)])
+        assert main() == 2
+        error = capsys.readouterr().err
+        assert error.startswith(f"error: {message}")
+        assert error.count("\n") == 1
 
 
 def test_running_mean_is_of_what_is_there():

@@ -54,3 +54,10 @@ def test_pairs_that_lack_a_run_are_left_out_of_both_arms():
 
 def test_too_few_pairs_say_nothing():
     assert judge({name: scores[:, :1] for name, scores in ARMS.items()}).kind == NONE
+
+
+def test_a_claim_from_few_seeds_says_so():
+    few = judge({name: scores[:, :3] for name, scores in ARMS.items()})
+    assert few.kind == POSITIVE
+    assert few.reason.endswith("From 3 seeds only: it holds if differences are normal; run at least 5.")
+    assert "only" not in judge(ARMS).reason

@@ -57,8 +57,10 @@ class TrainConfig:
     """The sandwich's settings."""
 
     def __post_init__(self) -> None:
-        if self.eval_episodes < 1 or self.eval_every < 0:
-            raise ConfigError(f"eval_episodes={self.eval_episodes} and eval_every={self.eval_every} must be at least 1 and 0")
+        if self.eval_episodes < 1:
+            raise ConfigError(f"eval_episodes={self.eval_episodes} must be at least 1; pass --eval-episodes N")
+        if self.eval_every < 0:
+            raise ConfigError(f"eval_every={self.eval_every} must be at least 0; pass --eval-every STEPS")
         if self.stop_at is not None and not self.eval_every:
             raise ConfigError(f"stop_at={self.stop_at:g} is compared with evaluations; pass --eval-every STEPS with it")
         if self.experience and self.algo != "dyna-ddpg":

@@ -68,13 +68,29 @@ def load_state(path: Path) -> Any:  # noqa: ANN401 - the inverse of save_state
     Raises:
         RunDirectoryError: the file is not a state file, or is damaged.
     """
+    with _reading(path) as file:
+        tree = json.loads(file.metadata()[_TREE])
+        tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
+    return _fill(tree, tensors)
+
+
+def check_state(path: Path) -> None:
+    """Find out whether a state file is whole, without reading its tensors.
+
+    Raises:
+        RunDirectoryError: it is not a state file, or is damaged.
+    """
+    with _reading(path) as file:
+        json.loads(file.metadata()[_TREE])
+
+
+@contextlib.contextmanager
+def _reading(path: Path) -> Iterator[Any]:
     try:
         with safetensors.safe_open(path, "pt") as file:
-            tree = json.loads(file.metadata()[_TREE])
-            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - not a dict
+            yield file
     except (OSError, safetensors.SafetensorError, KeyError, TypeError, ValueError) as error:
         raise RunDirectoryError(f"{path} cannot be read: {error}; delete the run directory and train again") from error
-    return _fill(tree, tensors)
 
 
 def _strip(node: Any, tensors: dict[str, torch.Tensor]) -> Any:  # noqa: ANN401
