@@ -10,14 +10,15 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from experiments.arms import ZERO_ACTION
 from experiments.cells import CELL, CELLS, MEASURED
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
 from experiments.rows import write_csv
-from transferkit.run.directory import RECORD, RESULT
-from transferkit.run.files import write_json
+from transferkit.run.directory import POLICY, RECORD, RESULT
+from transferkit.run.files import save_state, write_json
 from transferkit.versions import versions
 
 GRID = Path(__file__).parent / "grids" / "first.toml"
@@ -28,8 +29,10 @@ def main() -> None:
     """Measure and print."""
     with tempfile.TemporaryDirectory() as scratch:
         root, grid = Path(scratch), Path(scratch) / "grid.toml"
-        grid.write_text(GRID.read_text().replace('"0-9"', '"0-19"'))
-        for k, cell in enumerate(load_cells(grid)[:RUNS]):
+        grid.write_text(GRID.read_text().replace('"10-19"', '"10-29"'))
+        cells = load_cells(grid)[:RUNS]
+        assert len(cells) == RUNS, len(cells)
+        for k, cell in enumerate(cells):
             make_up(cell, root / CELLS / cell.id, np.random.default_rng(k))
         started = time.perf_counter()
         subprocess.run([sys.executable, "-m", "experiments.report", str(root), "--out", str(root / "page.html")], check=True)
@@ -45,6 +48,7 @@ def make_up(cell: Cell, where: Path, random: np.random.Generator) -> None:
     write_json(where / "run" / RESULT, scores | {"steps": EPISODES * 100 * trained})
     if trained:
         write_json(where / "run" / RECORD, {"config": asdict(cell.config), "git": None, "versions": versions()})
+        save_state(where / "run" / POLICY, {"weights": torch.zeros(16, 1024)})
         returns = np.cumsum(random.normal(1, 20, EPISODES))
         rows = [{"episode": k + 1, "steps": 100 * (k + 1), "return": r, "length": 100} for k, r in enumerate(returns)]
         write_csv(where / "run" / "episodes.csv", rows)
