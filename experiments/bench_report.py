@@ -17,7 +17,7 @@ from experiments.cells import CELL, CELLS, MEASURED
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
 from experiments.rows import write_csv
-from transferkit.run.directory import POLICY, RECORD, RESULT
+from transferkit.run.directory import POLICY, RECORD, RESULT, TABLES
 from transferkit.run.files import save_state, write_json
 from transferkit.versions import versions
 
@@ -50,11 +50,11 @@ def make_up(cell: Cell, where: Path, random: np.random.Generator) -> None:
         write_json(where / "run" / RECORD, {"config": asdict(cell.config), "git": None, "versions": versions()})
         save_state(where / "run" / POLICY, {"weights": torch.zeros(16, 1024)})
         returns = np.cumsum(random.normal(1, 20, EPISODES))
-        rows = [{"episode": k + 1, "steps": 100 * (k + 1), "return": r, "length": 100} for k, r in enumerate(returns)]
-        write_csv(where / "run" / "episodes.csv", rows)
+        rows = [{"episode": k + 1, "steps": 100 * (k + 1), "return": r} for k, r in enumerate(returns)]
         points = [{"steps": 4000 * k, "episodes": 40 * k, "return_mean": 10.0 * k} for k in range(EVALUATIONS)]
         points[-1]["return_mean"] = scores["eval_return_mean"]
-        write_csv(where / "run" / "evaluations.csv", points)
+        for name, lines in (("episodes", rows), ("evaluations", points)):
+            write_csv(where / "run" / f"{name}.csv", [dict.fromkeys(TABLES[name], 0.123456789) | line for line in lines])
 
 
 if __name__ == "__main__":

@@ -49,7 +49,7 @@ def problem(where: Path) -> str:
         return _cell_problem(cell, where.name) or _run_problem(where / "run", trained=cell["arm"] != ZERO_ACTION)
     except (RunDirectoryError, OSError) as error:
         return str(error).partition(";")[0].replace(f"{where}/", "").replace(f"{where} holds", "it holds")
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, AttributeError, csv.Error) as error:
         return f"{type(error).__name__}: {error}"
 
 

@@ -66,7 +66,10 @@ def connect(address: str) -> int:
         ray.init(address=address, runtime_env=environment, log_to_driver=False, logging_level="ERROR")
     except (ConnectionError, RuntimeError, ValueError) as error:
         raise _no_cluster(address, error) from None
-    return int(ray.cluster_resources()["CPU"])
+    cores = int(ray.cluster_resources().get("CPU", 0))
+    if not cores:
+        raise ConfigError(f"the Ray cluster at {address} has no cores; add a machine with `ray start --address`")
+    return cores
 
 
 @contextmanager

@@ -22,8 +22,8 @@ from transferkit.zoo.artifact import load_core
 SECTIONS = ("ppo", "dyna", "wrap")
 """Parts of a configuration whose fields a trainer can set."""
 
-DISTINCT = ("transfer", "frozen", "padded")
-"""Arms whose sandwiches differ in their options, so that each could be refused by itself."""
+DISTINCT = {"frozen", "padded"}
+"""Arms whose sandwiches have other options than the transfer's, so that each could be refused by itself."""
 
 
 class GridError(ConfigError):
@@ -53,6 +53,20 @@ def identify(arm: str, core: str, config: Mapping[str, Any]) -> str:
     """Name of the run with this arm, core and configuration, the same from a `TrainConfig` and from its JSON."""
     data = {"arm": arm, "core": core, "config": _given(config)}
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
+UNCOMPARED = ("env", "core", "member", "seed", "episodes", "steps", "seconds", "eval_every", "checkpoint_seconds", "wrap")
+"""What runs under one trainer's name may differ in: the grid's other lists, its budgets, and what changes no result."""
+
+
+def settings(config: Mapping[str, Any]) -> dict[str, str]:
+    """Names of what a trainer sets, and of how it builds a core in, the same from a `TrainConfig` and from its JSON."""
+    given = _given(config)
+    parts = {"setting": {k: v for k, v in given.items() if k not in UNCOMPARED}, "wrapping": given.get("wrap", {})}
+    texts = {name: json.dumps(part, sort_keys=True) for name, part in parts.items()}
+    return {name: hashlib.sha256(text.encode()).hexdigest()[:8] for name, text in texts.items()} | (
+        {} if config["core"] else {"wrapping": ""}
+    )
 
 
 def _given(config: Mapping[str, Any]) -> dict[str, Any]:
@@ -137,6 +151,8 @@ class Grid:
         """
         found: dict[str, Cell] = {}
         configs = {trainer.name or trainer.algo: self._config(trainer) for trainer in self.trainer}
+        for trainer, config in zip(self.trainer, configs.values(), strict=True):
+            self._build(config, [key.rpartition(".")[2] for key in trainer.set])
         lists = self.cores, self.members, self.targets, configs.items(), self.arms, self.seeds
         for core, member, target, (name, config), arm, seed in itertools.product(*lists):
             cell = Cell(core, member, target, arm, name, replace(config, env=target, core=core, member=member, seed=seed))
@@ -156,12 +172,15 @@ class Grid:
         config = _override(config, _by_dotted_name(trainer.set))
         bounds = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
         with _at("eval_every", "eval_episodes"):
-            config = replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
-        for core, target, arm in itertools.product(self.cores, self.targets, DISTINCT):
-            if arm in self.arms:
-                with _at(*(name.rpartition(".")[2] for name in trainer.set), target, core):
-                    ARMS[arm](replace(config, env=target), load_core(core))
-        return config
+            return replace(config, **bounds, eval_every=self.eval_every, eval_episodes=self.eval_episodes)
+
+    def _build(self, config: TrainConfig, changed: Iterable[str]) -> None:
+        """Build every core into every target once for every way in which the arms do it."""
+        arms = {"transfer", *DISTINCT & {*self.arms}} if {*self.arms} & {*ARMS} else set()
+        cores = {name: load_core(name) for name in self.cores}
+        for target, arm, (name, core) in itertools.product(self.targets, sorted(arms), cores.items()):
+            with _at(*changed, target, name):
+                ARMS[arm](replace(config, env=target), core)
 
 
 @contextmanager
@@ -209,6 +228,8 @@ def _fits(value: object, default: object) -> bool:
     """Whether a value can stand for a field's default; what can be None is a number."""
     if default is None or isinstance(default, float):
         return type(value) in (int, float)
+    if isinstance(default, tuple):
+        return isinstance(value, tuple) and all(type(item) is type(default[0]) for item in value)
     return isinstance(value, Mapping) if isinstance(default, Mapping) else type(value) is type(default)
 
 
@@ -218,13 +239,6 @@ def _check_distinct(what: str, values: Any) -> None:  # noqa: ANN401 - any colle
         fix = "; give each a name" if what == "trainer" else "; list it once"
         words = [twice[0], "trainer"] if isinstance(twice[0], str) else [f"{what}s"]
         raise GridError(f"the grid has {what} {twice[0]!r} more than once{fix}", *words)
-
-
-def repeated(rows: Iterable[Mapping[str, Any]]) -> Iterator[tuple[int, str]]:
-    """Names that several runs share, so that no table could tell these: how many they are, and the names."""
-    for row, count in Counter(tuple(row.items()) for row in rows).items():
-        if count > 1:
-            yield count, ", ".join(f"{name} {value}" for name, value in row if value != "")
 
 
 def check_names(what: str, names: Iterable[str], known: Collection[str]) -> None:

@@ -9,7 +9,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from experiments.grid import Cell, Grid, GridError, Trainer, check_names, repeated
+from experiments.grid import Cell, Grid, GridError, Trainer, check_names
+from experiments.rows import ambiguity, identity
 from transferkit.errors import ConfigError
 
 WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
@@ -41,8 +42,8 @@ def load_cells(path: Path) -> list[Cell]:
             cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
         except GridError as error:
             raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
-    for count, what in repeated(cell.row for cell in cells.values()):
-        raise ConfigError(f"{path} has {count} settings of {what}; give each its own name in [[trainer]]")
+    if what := ambiguity(map(identity, cells.values())):
+        raise ConfigError(f"{path} has {what}; give each its own name in [[trainer]]")
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
 
 

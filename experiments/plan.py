@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from experiments.arms import ZERO_ACTION
 from experiments.cells import columns
 from experiments.grid import Cell
 from experiments.rows import BUDGETS
+from transferkit.config import TrainConfig
 from transferkit.envs import episode_limit, make_env
 from transferkit.table import format_table
 from transferkit.transfer import run_training
@@ -30,6 +32,26 @@ Range = tuple[float, float]
 """Seconds, at least and at most."""
 
 
+@dataclass(frozen=True)
+class Pace:
+    """What a trial shows."""
+
+    first: float
+    """Steps of the first episodes, on average."""
+    longest: float
+    """Steps of an episode of full length."""
+    seconds: float
+    """Of training, for a step."""
+
+    def of(self, config: TrainConfig) -> Range:
+        """What a run takes if its episodes stay as long as the first ones, and if all are of full length."""
+        return self._of(config, self.first), self._of(config, self.longest)
+
+    def _of(self, config: TrainConfig, length: float) -> float:
+        steps = min((config.episodes or math.inf) * length, config.steps or math.inf)
+        return min(steps * self.seconds, config.seconds or math.inf)
+
+
 def plan(cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Mapping[str, Any]], workers: int) -> str:
     """A line for every target and trainer, by rows of finished runs or, where there are none, by a trial of a few seconds."""
     known, waiting, lines = _known(done), {cell.id for cell in todo}, []
@@ -41,13 +63,24 @@ def plan(cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Mapping[str
     for names, members in groups.items():
         left = [cell for cell in members if cell.id in waiting]
         new = [cell for cell in left if _kind_of(cell) not in known]
-        tried = trial(max(new, key=lambda cell: cell.config.core is not None)) if new else (0.0, 0.0)
-        each = [known.get(_kind_of(cell), tried) for cell in left or members]
-        total += np.sum(each, axis=0) * bool(left)
-        sources = ["finished runs"] * (len(new) < len(left or members)) + [f"a trial of {TRIAL_SECONDS:.0f} s"] * bool(new)
-        lines.append((*names, str(len(members)), str(len(left)), f"{_range(np.mean(each, axis=0))} s", ", ".join(sources)))
+        pace, source = _try(max(new, key=lambda cell: cell.config.core is not None)) if new else (None, "")
+        each = [known.get(_kind_of(cell)) or (pace and pace.of(cell.config)) for cell in left]
+        times = np.array([time for time in each if time]).reshape(-1, 2)
+        total += times.sum(axis=0)
+        sources = ["finished runs"] * (len(new) < len(left)) + [source] * bool(new)
+        mean = f"{_range(times.mean(axis=0))} s" if len(times) else ""
+        lines.append((*names, str(len(members)), str(len(left)), mean, ", ".join(sources)))
     table = format_table(("target", "trainer", "runs", "to do", "each", "by"), lines)
-    return f"{table}\n{len(cells)} runs, {len(todo)} to do; about {_range(total / workers / 60)} minutes with {workers} workers"
+    minutes = f"about {_range(total / workers / 60)} minutes of training with {workers} workers"
+    return f"{table}\n{len(cells)} runs, {len(todo)} to do; {minutes}"
+
+
+def _try(cell: Cell) -> tuple[Pace | None, str]:
+    """The pace of a trial, and what to call it."""
+    try:
+        return trial(cell), f"a trial of {TRIAL_SECONDS:.0f} s"
+    except Exception as error:  # that run will fail by itself; others need not
+        return None, f"nothing: a trial failed ({error})"
 
 
 def _known(done: Sequence[Mapping[str, Any]]) -> dict[Kind, Range]:
@@ -71,10 +104,10 @@ def _range(seconds: Sequence[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
-def trial(cell: Cell) -> Range:
-    """Seconds that a run will take with episodes as long as its first ones, and with episodes of full length.
+def trial(cell: Cell) -> Pace:
+    """Train a cell for a few seconds.
 
-    A policy that learns not to fall has longer episodes, so what a budget of episodes takes is known only between these two.
+    A policy that learns not to fall has longer episodes, so what a budget of episodes takes is known only between two bounds.
     """
     config = replace(cell.config, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0)
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # where training leaves Ctrl-C alone
@@ -86,12 +119,4 @@ def trial(cell: Cell) -> Range:
     if late.any() and (steps := np.ptp(finished["steps"][late])):
         pace = max(pace, float(np.ptp(finished["seconds"][late]) / steps))
     longest = episode_limit(make_env(config.env)) or result.steps
-    first = result.steps / result.episodes if result.episodes else longest
-    return _seconds(cell, first, pace), _seconds(cell, longest, pace)
-
-
-def _seconds(cell: Cell, length: float, pace: float) -> float:
-    """What a budget takes with episodes of this length, at so many seconds a step."""
-    budget = cell.config
-    steps = min((budget.episodes or float("inf")) * length, budget.steps or float("inf"))
-    return min(steps * pace, budget.seconds or float("inf"))
+    return Pace(result.steps / result.episodes if result.episodes else longest, longest, pace)

@@ -9,7 +9,9 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,7 @@ from experiments.cells import (
     made_by,
     problems,
 )
+from experiments.grid import Cell, settings
 from transferkit.errors import RunDirectoryError
 from transferkit.run.directory import RECORD, RESULT, read_json
 from transferkit.run.files import write_atomically
@@ -43,7 +46,11 @@ EDITED = -10.0
 
 PAPER_MEASURES = ("last_50_mean", "last_50_edited", "all_mean")
 BUDGETS = ("budget_episodes", "budget_steps", "budget_seconds")
-COLUMNS = (*NAMES, *BUDGETS, *MEASURED, *PAPER_MEASURES, "commit", *VERSIONS, "error")
+SETTINGS = ("setting", "wrapping")
+COLUMNS = (*NAMES, *BUDGETS, *MEASURED, *PAPER_MEASURES, "commit", *VERSIONS, "error", *SETTINGS)
+LATER = ("error", *SETTINGS)
+"""Columns that tables of earlier versions lack."""
+
 NUMBERS = (*BUDGETS, *MEASURED, *PAPER_MEASURES)
 
 Row = dict[str, Any]
@@ -69,14 +76,21 @@ def ended(out: Path, damaged: Collection[Path]) -> tuple[list[Row], list[Row]]:
     rows = _known_rows(out)
     for where in cell_folders(out):
         if where not in damaged and ((where / "run" / RESULT).exists() or (where / ERROR).exists()):
-            rows[where.name] = _row(where)
+            _merge(rows, _row(where), where)
     ordered = sorted(rows.values(), key=lambda row: row["id"])
     return [row for row in ordered if not row["error"]], [row for row in ordered if row["error"]]
+
+
+def identity(cell: Cell) -> Row:
+    """What the row of a cell says before it has run."""
+    config = asdict(cell.config)
+    return cell.row | {name: config[name.removeprefix("budget_")] for name in BUDGETS} | settings(config)
 
 
 def _row(where: Path) -> Row:
     cell, row = read_json(where / CELL), dict.fromkeys(COLUMNS, "")
     row |= {name: cell[name] for name in NAMES} | {name: cell["config"].get(name.removeprefix("budget_")) for name in BUDGETS}
+    row |= settings(cell["config"])
     if not (where / "run" / RESULT).exists():
         made = made_by(where / "run") if (where / "run" / RECORD).exists() else {}
         return row | made | {"error": (where / ERROR).read_text().strip()}
@@ -95,21 +109,28 @@ def _mean(returns: NDArray[np.float64]) -> float | str:
 
 
 def _known_rows(out: Path) -> dict[str, Row]:
-    """The rows of all tables of known runs, by id; of a run that failed once and finished once, the latter."""
+    """The rows of all tables of known runs, by id."""
     rows: dict[str, Row] = {}
     if (out / KNOWN).is_file():
         raise RunDirectoryError(f"{out / KNOWN} is a file; make it a folder, and put the table into it as a .csv")
     for path in sorted((out / KNOWN).glob("*.csv")):
         for row in _read(path):
-            earlier = rows.get(row["id"])
-            if earlier is None or earlier["error"]:
-                rows[row["id"]] = row
-            elif not row["error"] and row["eval_return_mean"] != earlier["eval_return_mean"]:
-                scores = f"{earlier['eval_return_mean']} and {row['eval_return_mean']}"
-                raise RunDirectoryError(
-                    f"{path} has run {row['id']} with another score than before it ({scores}); keep one of them"
-                )
+            _merge(rows, row, path)
     return rows
+
+
+def _merge(rows: dict[str, Row], row: Row, where: Path) -> None:
+    """Add a row; of a run that failed once and finished once, the latter stays.
+
+    Raises:
+        RunDirectoryError: it finished twice, with two scores.
+    """
+    earlier = rows.get(row["id"])
+    if earlier is None or earlier["error"] or (not row["error"] and row["eval_return_mean"] == earlier["eval_return_mean"]):
+        rows[row["id"]] = row
+    elif not row["error"]:
+        scores = f"{earlier['eval_return_mean']} and {row['eval_return_mean']}"
+        raise RunDirectoryError(f"{where} has run {row['id']} with another score than before it ({scores}); keep one of them")
 
 
 def _read(path: Path) -> Iterator[Row]:
@@ -118,12 +139,12 @@ def _read(path: Path) -> Iterator[Row]:
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file)
-            lacking = [name for name in COLUMNS if name not in ("error", *(reader.fieldnames or ()))]
+            lacking = [name for name in COLUMNS if name not in (*LATER, *(reader.fieldnames or ()))]
             if lacking:
                 raise RunDirectoryError(f"{path} has no column {lacking[0]}; {fix}")
             for row in reader:
                 try:
-                    yield _typed({"error": "", **row})
+                    yield _typed({**dict.fromkeys(LATER, ""), **row})
                 except ValueError:
                     raise RunDirectoryError(f"{path}, line {reader.line_num}, is no run that ended; {fix}") from None
     except (OSError, UnicodeError, csv.Error) as error:
@@ -150,6 +171,32 @@ def _typed(row: Mapping[str | None, str | None]) -> Row:
         elif name in BUDGETS:
             typed[name] = None
     return typed
+
+
+def label(row: Mapping[str, Any]) -> str:
+    """The trainer's name in a report, with its preset where that is not the default."""
+    return row["trainer"] if row["preset"] == "default" else f"{row['trainer']} ({row['preset']} preset)"
+
+
+def ambiguity(rows: Iterable[Row]) -> str:
+    """What one name stands for twice, so that no table could tell it apart; empty where nothing does.
+
+    One trainer on one target has one budget and one setting, and builds cores in in one way; what tables of earlier versions
+    do not say of that is not compared.
+    """
+    meanings: dict[tuple[str, str, str], set[Any]] = defaultdict(set)
+    runs: Counter[str] = Counter()
+    for row in rows:
+        if row["arm"] != ZERO_ACTION:
+            meanings[row["target"], label(row), "budget"].add(tuple(row[name] for name in BUDGETS))
+            for name in SETTINGS:
+                meanings[row["target"], label(row), name] |= {row[name]} - {""}
+        names = {"trainer": label(row)} | {name: row[name] for name in ("target", "core", "arm", "member", "seed")}
+        runs[", ".join(f"{name} {value}" for name, value in names.items() if value != "")] += 1
+    for (target, trainer, what), found in meanings.items():
+        if len(found) > 1:
+            return f"runs of {trainer} on {target} with {len(found)} {what}s"
+    return next((f"{count} runs of {what}, with different settings" for what, count in runs.items() if count > 1), "")
 
 
 def evaluations(out: Path, rows: Sequence[Row]) -> list[Row]:

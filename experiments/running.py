@@ -58,7 +58,7 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
     if workers < 1:
         raise ConfigError(f"workers={workers} must be at least 1; pass --workers")
     cells = load_cells(grid)
-    workers = connect(ray) if ray else workers
+    workers = workers if ray is None else connect(ray)
     damaged = problems(out)
     if dry_run:
         lines = [f"{where} is damaged ({what}); without --dry-run it is moved aside" for where, what in damaged.items()]
@@ -69,12 +69,12 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
     done, _ = ended(out, damaged)
     known = {row["id"] for row in done}
     todo = [cell for cell in cells if cell.id not in known]
-    if todo and not (ray or dry_run):
+    if todo and ray is None and not dry_run:
         import_beside("experiments.arms", "transferkit.ppo", "transferkit.dyna")  # while the plan tries how fast a run is
     print(plan(cells, todo, done, workers), flush=True)
     if dry_run:
         return 0
-    failed = run_all(todo, out, workers, on_ray=bool(ray))
+    failed = run_all(todo, out, workers, on_ray=ray is not None)
     print(f"{len(collect(out))} finished runs in {out / TABLE}")
     for outcome in failed:
         print(describe(outcome, out), file=sys.stderr)
@@ -130,6 +130,7 @@ def run_cell(cell: Cell, out: Path, command: str) -> Outcome:
     where = folder(out, cell)
     where.mkdir(parents=True, exist_ok=True)
     write_json(where / CELL, {"id": cell.id, **cell.row, "command": command, "config": asdict(cell.config)})
+    (where / ERROR).unlink(missing_ok=True)  # of an earlier try
     try:
         if cell.arm == ZERO_ACTION:
             finished(out, cell).parent.mkdir(exist_ok=True)
@@ -140,10 +141,11 @@ def run_cell(cell: Cell, out: Path, command: str) -> Outcome:
             train_when_free(config, policy, where / "run")
     except Interrupted:
         os._exit(0)  # told to stop: the pool would hand this process the next run
+    except RunInUseError as error:  # which is not this process's to judge
+        return Outcome(cell, f"{type(error).__name__}: {error}")
     except Exception as error:  # one broken run must not end the others
         write_atomically(where / ERROR, f"{type(error).__name__}: {error}\n".encode())
         return Outcome(cell, f"{type(error).__name__}: {error}")
-    (where / ERROR).unlink(missing_ok=True)
     return Outcome(cell)
 
 

@@ -49,8 +49,9 @@ def judge(scores: Mapping[str, Scores]) -> Verdict:
         return Verdict(NONE, "The core was not run.")
     controls, scratch = _differences(scores), _difference(scores, SCRATCH)
     kind, reason = _decide(controls, scratch, [name for name in (*CONTROLS, SCRATCH) if name not in scores])
-    fewest = min((difference.n for difference in (*controls.values(), scratch) if difference), default=FEW)
-    if kind != NONE and fewest < FEW:
+    decided = {POSITIVE: (*controls.values(), scratch), NEGATIVE: (scratch,), NONE: ()}[kind]
+    fewest = min((difference.n for difference in decided if difference), default=FEW)
+    if fewest < FEW:
         reason += f" From {fewest} seeds only: it holds if differences are normal; run at least {FEW}."
     return Verdict(kind, reason, controls, scratch)
 

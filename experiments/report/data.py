@@ -13,10 +13,9 @@ import numpy as np
 
 from experiments.arms import WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from experiments.cells import CELL, CELLS, VERSIONS, problems
-from experiments.grid import repeated
 from experiments.references import best
 from experiments.report.runs import Arm, Array
-from experiments.rows import ended
+from experiments.rows import ambiguity, ended, label
 from experiments.verdict import TRANSFER, Verdict, judge
 from transferkit import stats
 from transferkit.errors import RunDirectoryError
@@ -41,14 +40,14 @@ class Group:
     def scores(self) -> dict[str, Array]:
         """Final evaluations `(members, seeds)` of every trained arm over the seeds of all, NaN where a run is missing.
 
-        A run that failed counts as the worst run of the comparison.
+        A run that diverged counts as the worst run of the comparison: else an arm gains by it.
         """
         trained = {name: arm for name, arm in self.arms.items() if name != ZERO_ACTION}
         scores = {name: self.grid(name, "eval_return_mean") for name in trained}
         worst = min(np.nanmin(values, initial=np.inf) for values in scores.values())
         worst = worst if np.isfinite(worst) else np.nan  # no run has finished
         for name, arm in trained.items():
-            for row in arm.failed:
+            for row in arm.diverged:
                 scores[name][self._place(name, row)] = worst
         return scores
 
@@ -63,9 +62,20 @@ class Group:
     def verdict(self) -> Verdict:
         """What the comparison shows."""
         found = judge(self.scores)
-        failed = ", ".join(f"{name} {len(arm.failed)}" for name, arm in self.arms.items() if arm.failed)
-        note = f" Failed runs, which count as the worst run of the comparison: {failed}." if failed else ""
-        return replace(found, reason=found.reason + note)
+        counts = {
+            "Diverged runs, which count as the worst run of the comparison": lambda arm: len(arm.diverged),
+            "Runs that failed in another way, which are left out": lambda arm: len(arm.failed) - len(arm.diverged),
+        }
+        reason = found.reason
+        for what, count in counts.items():
+            if names := ", ".join(f"{name} {count(arm)}" for name, arm in self.arms.items() if count(arm)):
+                reason += f" {what}: {names}."
+        return replace(found, reason=reason)
+
+    @property
+    def algo(self) -> str:
+        """What trained here."""
+        return self._runs[0]["algo"]
 
     @property
     def scaled(self) -> bool:
@@ -132,7 +142,9 @@ def load_matrix(root: Path) -> Matrix:
             f"{root} holds no finished run{but}; make some with `python -m experiments.matrix GRID --out {root}`"
         )
     rows, lost = ([{**row, "label": label(row)} for row in found] for found in (finished, failed))
-    _check_single(rows + lost, root)
+    if what := ambiguity(rows + lost):
+        fix = "give each a trainer name of its own, or report them from folders of their own"
+        raise RunDirectoryError(f"{root} holds {what}; {fix}")
     paths = (root / CELLS / row["id"] / CELL for row in rows)
     commands = sorted({read_json(path)["command"] for path in paths if path.exists()})
     made_by = {tuple(f"{name} {row[name]}" for name in (*VERSIONS, "commit")) for row in rows if row["arm"] != ZERO_ACTION}
@@ -144,11 +156,6 @@ def load_matrix(root: Path) -> Matrix:
         commands,
         [", ".join(names) for names in sorted(made_by)],
     )
-
-
-def label(row: Mapping[str, Any]) -> str:
-    """The trainer's name in a report, with its preset where that is not the default."""
-    return row["trainer"] if row["preset"] == "default" else f"{row['trainer']} ({row['preset']} preset)"
 
 
 def _groups(rows: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]], root: Path) -> list[Group]:
@@ -173,19 +180,3 @@ def _groups(rows: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any
 
 def _rank(arm: str) -> tuple[int, str]:
     return (0 if arm == TRANSFER else 1 if arm == "scratch" else 3 if arm in (*WITHOUT_CORE, ZERO_ACTION) else 2, arm)
-
-
-def _check_single(rows: Sequence[Mapping[str, Any]], root: Path) -> None:
-    """Refuse what one name would stand for twice: runs with different settings, and arms with different budgets."""
-    fix = "give each a trainer name of its own, or report them from folders of their own"
-    budgets: dict[tuple[str, str], set[tuple[float | None, ...]]] = {}
-    for row in rows:
-        if row["arm"] != ZERO_ACTION:
-            bounds = tuple(row[f"budget_{unit}"] for unit in ("episodes", "steps", "seconds"))
-            budgets.setdefault((row["target"], row["label"]), set()).add(bounds)
-    for (target, trainer), found in budgets.items():
-        if len(found) > 1:
-            raise RunDirectoryError(f"{root} holds runs of {trainer} on {target} with {len(found)} budgets; {fix}")
-    names = ("target", "label", "core", "arm", "member", "seed")
-    for count, what in repeated({name: row[name] for name in names} for row in rows):
-        raise RunDirectoryError(f"{root} holds {count} runs of {what}, with different settings; {fix}")

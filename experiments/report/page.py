@@ -32,7 +32,6 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
     curves: dict[str, Any] = {}
     page = environment.from_string(TEMPLATE.read_text()).render(
         matrix=matrix,
-        trainers=list(dict.fromkeys(group.trainer for group in matrix.groups)),
         ids=ids,
         id=id,
         arm_rows=arm_rows,

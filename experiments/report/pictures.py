@@ -38,7 +38,7 @@ def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
         if not any(arm.episodes for arm in lines_of(groups).values()):
             continue  # only rows are known
         drawn.append(_save(_learning_curves(target, groups), folder / f"curves_{_slug(target)}"))
-        model_free = [group for group in groups if "dyna" not in group.trainer]
+        model_free = [group for group in groups if group.algo == "ppo"]
         if model_free and len(model_free) < len(groups):
             drawn.append(_save(_learning_curves(target, model_free), folder / f"curves_{_slug(target)}_without_dyna"))
     scaled = [group for group in matrix.groups if group.scaled]

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 
 from experiments.cells import CELLS, columns
 from transferkit import stats
+from transferkit.errors import DivergedError, NotFiniteError
 
 POINTS = 80
 """Of a learning curve in the page."""
 
 RESAMPLES = 200
 """For the intervals of a curve, which are drawn and not read off."""
+
+DIVERGED = (DivergedError.__name__, NotFiniteError.__name__)
+"""Errors that say something of the policy; others, as a full disk, do not."""
 
 Key = tuple[int, int]
 """Member and seed of a run."""
@@ -52,7 +56,12 @@ class Arm:
     rows: Sequence[Mapping[str, Any]]
     root: Path
     failed: Sequence[Mapping[str, Any]] = ()
-    """Runs that have no result, and will not get one, as diverged ones."""
+    """Runs that have no result, though they were tried."""
+
+    @property
+    def diverged(self) -> list[Mapping[str, Any]]:
+        """Failed runs whose training went wrong, and does so again with the same seed."""
+        return [row for row in self.failed if row["error"].partition(":")[0] in DIVERGED]
 
     @property
     def returns(self) -> Array:

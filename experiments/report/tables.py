@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +14,7 @@ from experiments.report.data import Group, Matrix
 from experiments.report.runs import Arm, Array, Key
 from experiments.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
+from transferkit.errors import UnknownNameError
 from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import find_core
 
@@ -88,14 +90,16 @@ def curve_rows(group: Group) -> list[dict[str, Any]]:
     threshold = group.low + HALFWAY * (group.high - group.low)
     reached = {
         name: [stats.steps_to_threshold(run["steps"], run["returns"], threshold) for run in runs.values()]
+        + [math.inf] * len(group.arms[name].diverged)
         for name, runs in arms.items()
     }
     horizon = min(run["steps"][-1] for runs in arms.values() for run in runs.values())
     starts = {name: float(np.mean([run["returns"][0] for run in runs.values()])) for name, runs in arms.items()}
+    source = source_steps(group.core)
     compared = {
         "jumpstart": stats.jumpstart([starts[TRANSFER]], [starts[SCRATCH]]),
         "data_efficiency": stats.data_efficiency(reached[SCRATCH], reached[TRANSFER]),
-        "data_efficiency_total": stats.data_efficiency(reached[SCRATCH], reached[TRANSFER], source=source_steps(group.core)),
+        "data_efficiency_total": source and stats.data_efficiency(reached[SCRATCH], reached[TRANSFER], source=source),
     }
     return [
         {"target": group.target, "trainer": group.trainer, "core": group.core, "arm": name, "threshold": threshold}
@@ -116,9 +120,12 @@ def _measures(runs: Mapping[Key, Mapping[str, Array]], horizon: float) -> dict[s
     }
 
 
-def source_steps(core: str) -> float:
-    """Environment steps that a member of the core cost, on average."""
-    return float(np.mean([spent["steps"] for spent in read_card(find_core(core)).spent]))
+def source_steps(core: str) -> float | None:
+    """Environment steps that a member of the core cost, on average; None where the core is not here."""
+    try:
+        return float(np.mean([spent["steps"] for spent in read_card(find_core(core)).spent]))
+    except UnknownNameError:
+        return None
 
 
 def verdict_rows(matrix: Matrix) -> list[dict[str, Any]]:

@@ -48,9 +48,9 @@ def report(results: Path, out: Path) -> None:
 
 def _empty_folder(out: Path) -> Path:
     """The folder beside the page, without what an earlier report left in it."""
-    folder = out.with_name(f"{out.stem}_files")
     if out.is_dir():
         raise RunDirectoryError(f"{out} is a folder; pass a file, as --out {out / 'report.html'}")
+    folder = out.with_name(f"{out.stem}_files")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for pattern in WRITTEN:

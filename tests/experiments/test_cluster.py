@@ -40,7 +40,10 @@ def test_a_lost_node_changes_nothing(tmp_path):
         running = start(grid, tmp_path / "ray", "--ray", cluster.address)
         deadline = time.monotonic() + 120
         while len(list((tmp_path / "ray").glob("cells/*/run/run.json"))) < 2 and time.monotonic() < deadline:
-            time.sleep(0.05)
+            time.sleep(0.02)
+        started = list((tmp_path / "ray").glob("cells/*/run/run.json"))
+        assert len(started) == 2  # one on each node, and neither is done
+        assert not any((run.parent / "result.json").exists() for run in started)
         cluster.remove_node(doomed, allow_graceful=False)
         assert running.wait(timeout=300) == 0, running.stderr.read()
     finally:

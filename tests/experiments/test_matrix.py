@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from experiments import matrix, plan, running
-from experiments.cells import ERROR, EVALUATIONS, folder
+from experiments.cells import ERROR, EVALUATIONS, MEASURED, folder
 from experiments.grid import Grid, Trainer
 from experiments.grid_file import load_cells
-from experiments.rows import KNOWN, TABLE, collect, ended
+from experiments.rows import KNOWN, TABLE, collect, ended, write_csv
 from transferkit.errors import TransferkitError
 
 DOCS = Path(__file__).parents[2] / "docs" / "experiments.md"
@@ -97,8 +97,21 @@ def test_the_grid_of_the_docs_has_every_key(grid):
         (
             "eval_episodes = 2",
             '[[part]]\n[[part]]\ntrainer = [{ set = { "ppo.gamma" = 0.9 } }]',
-            "2 settings of .*its own name",
+            "runs of ppo on InvertedDoublePendulum-v5 with 2 settings; .*its own name",
         ),
+        (
+            "eval_episodes = 2",
+            "[[part]]\n[[part]]\nsteps = 200\nseeds = [5]",
+            "ppo on InvertedDoublePendulum-v5 with 2 budgets",
+        ),
+        (
+            "eval_episodes = 2",
+            '[[part]]\n[[part]]\nseeds = [5]\ntrainer = [{ set = { "wrap.residual" = 0 } }]',
+            "ppo on InvertedDoublePendulum-v5 with 2 wrappings",
+        ),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "wrap.tap" = "feature" }', "line 8: .*did you mean features"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.hidden" = [64, 0.5] }', "line 8: .*another type"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "wrap.freeze" = { core = "all" } }', "line 8: freeze core='all' must"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = [0.9] }', "line 8: .*another type than 0.99"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.capacity" = 1 }', "line 8: .*no field ppo.capacity"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = "none" }', "line 8: .*another type than 0.99"),
@@ -170,6 +183,11 @@ def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path, monkeypatch):
     (tmp_path / TABLE).rename(tmp_path / "copy" / KNOWN / "failed.csv")
     (failed,) = ended(tmp_path / "copy", [])[1]
     assert ended(tmp_path, []) == ([], [failed])
+    finished = failed | dict.fromkeys(MEASURED, 1) | {"error": ""}
+    (tmp_path / KNOWN).mkdir()
+    write_csv(tmp_path / KNOWN / "finished.csv", [finished])
+    assert ended(tmp_path, [])[1] == []  # what finished elsewhere stays
+    (tmp_path / KNOWN / "finished.csv").unlink()
     assert failed["error"] == outcome.error
     assert running.run_cell(cell, tmp_path, "test").error == ""
     assert not error.exists()
@@ -204,20 +222,31 @@ def test_a_table_stands_for_runs_whose_folders_are_gone(grid, tmp_path, monkeypa
 
 
 def test_the_plan_counts_time_by_runs_of_the_same_kind_and_budget(grid, monkeypatch):
-    monkeypatch.setattr(plan, "trial", lambda _: (60.0, 300.0))
+    monkeypatch.setattr(plan, "trial", lambda _: plan.Pace(1.0, 10.0, 0.4))  # 60 s for 150 steps
     cells = load_cells(grid())
     scratch = next(cell for cell in cells if cell.arm == "scratch")
     row = scratch.row | {"budget_episodes": None, "budget_steps": 150, "budget_seconds": None, "seconds": 120.0}
     todo = [cell for cell in cells if cell is not scratch]
     text = plan.plan(cells, todo, [row, row | {"seconds": 180.0}], 2)
-    # four runs with a core are tried, 60 to 300 s each; the scratch run that is left takes the 150 s that such runs took
-    assert "7 runs, 6 to do; about 3 to 11 minutes with 2 workers" in text
-    assert "78 to 270 s" in text
+    # four runs with a core are tried, 60 s each; the scratch run that is left takes the 150 s that such runs took
+    assert "7 runs, 6 to do; about 3 minutes of training with 2 workers" in text
+    assert "78 s" in text
     assert "finished runs, a trial of 3 s" in text
     known = plan.plan(cells, todo, [row, row | {"core": "inverted-pendulum-v1"}], 1)
-    assert "about 10 minutes with 1 workers" in known
+    assert "about 10 minutes of training with 1 workers" in known
     other_budget = plan.plan(cells, todo, [row | {"budget_steps": 1500}], 1)
-    assert "about 5 to 25 minutes" in other_budget
+    assert "about 5 minutes" in other_budget
+    episodes = load_cells(grid(GRID.replace("steps = 150", "episodes = 150")))
+    assert "60 to 600 s" in plan.plan(episodes, episodes, [], 1)
+    assert "finished" not in plan.plan(cells, [], [row], 1)
+
+
+def test_a_trial_that_fails_stops_nothing(grid, monkeypatch):
+    monkeypatch.setattr(plan, "run_training", lambda *_, **__: 1 / 0)
+    cells = load_cells(grid())
+    text = plan.plan(cells, cells, [], 1)
+    assert "nothing: a trial failed (division by zero)" in text
+    assert "7 to do" in text
 
 
 def test_what_cannot_be_written_or_reached_is_one_line(grid, tmp_path, monkeypatch, capsys):

@@ -15,7 +15,7 @@ from experiments.grid_file import load_cells
 from experiments.report.__main__ import main
 from experiments.report.data import Group, load_matrix
 from experiments.report.runs import Arm, running_mean
-from experiments.report.tables import arm_rows, verdict_rows
+from experiments.report.tables import arm_rows, curve_rows, verdict_rows
 from experiments.report.write import report
 from experiments.rows import KNOWN, collect
 from experiments.running import run_cell
@@ -76,8 +76,14 @@ def test_tables_hold_every_run_and_agree_with_them(page, results):
     folder = results / "report_files"
     assert len(read(folder / "runs.csv")) == 11
     verdicts = read(folder / "verdicts.csv")
-    assert {row["verdict"] for row in verdicts} <= {"transfer", "no evidence", "negative transfer"}
-    assert len(verdicts) == 2
+    assert [row["target"] for row in verdicts] == ["InvertedDoublePendulum-v5", "InvertedPendulum-v5"]
+    for verdict in verdicts:
+        here = [row for row in read(folder / "runs.csv") if row["target"] == verdict["target"] and row["trainer"] == "ppo"]
+        means = {
+            arm: np.mean([float(r["eval_return_mean"]) for r in here if r["arm"] == arm]) for arm in ("transfer", "scratch")
+        }
+        assert float(verdict["transfer_minus_scratch"]) == pytest.approx(means["transfer"] - means["scratch"])
+        assert verdict["verdict"] != "transfer"  # three of its arms were not run
     runs = [r for r in read(folder / "runs.csv") if r["arm"] == "transfer" and r["target"] == "InvertedPendulum-v5"]
     arms = [r for r in read(folder / "arms.csv") if r["arm"] == "transfer" and r["target"] == "InvertedPendulum-v5"]
     assert float(arms[0]["mean"]) == pytest.approx(sum(float(r["eval_return_mean"]) for r in runs) / 2)
@@ -172,8 +178,24 @@ def test_a_core_whose_every_run_fails_has_a_verdict(results, tmp_path):
     verdicts = verdict_rows(load_matrix(root))
     assert [row["core"] for row in verdicts] == ["inverted-pendulum-v1"] * 2
     for row in verdicts:
-        assert "Failed runs, which count as the worst run of the comparison: transfer 2." in row["reason"]
+        assert "Diverged runs, which count as the worst run of the comparison: transfer 2." in row["reason"]
         assert row["transfer_minus_scratch"] <= 0
+
+
+def test_failed_runs_are_told_apart_and_censored(results, tmp_path):
+    root = tmp_path / "copy"
+    shutil.copytree(results, root)
+    cells = [cell for cell in load_cells(root / "grid.toml") if cell.target == "InvertedPendulum-v5" and cell.arm == "transfer"]
+    (root / CELLS / cells[0].id / "run" / "result.json").unlink()
+    error = root / CELLS / cells[0].id / "error.txt"
+    reached = {}
+    for text in ("DivergedError: made up", "RunDirectoryError: no space left"):
+        error.write_text(text)
+        (group,) = (g for g in load_matrix(root).groups if g.target == "InvertedPendulum-v5" and g.core)
+        reached[text[0]] = curve_rows(group)[0]["never_reached"]
+        assert np.isnan(group.scores["transfer"][0, 0]) == text.startswith("Run")
+        assert ("left out: transfer 1." in group.verdict.reason) == text.startswith("Run")
+    assert reached == {"D": 1, "R": 0}
 
 
 def test_a_report_replaces_what_an_earlier_one_left(page, results, tmp_path):
@@ -210,7 +232,9 @@ def test_members_are_paired_with_themselves_and_missing_ones_are_missing():
 def test_a_failed_run_counts_as_the_worst_one():
     arms = {
         "transfer": Arm("transfer", [made_up("transfer", 0, s, 7.0 + s) for s in range(3)], None),
-        "scratch": Arm("scratch", [made_up("scratch", 0, 0, 3.0)], None, [made_up("scratch", 0, 2, None)]),
+        "scratch": Arm(
+            "scratch", [made_up("scratch", 0, 0, 3.0)], None, [made_up("scratch", 0, 2, None) | {"error": "DivergedError: a"}]
+        ),
     }
     group = Group("target", "ppo", "c", arms, None, None, "")
     np.testing.assert_array_equal(group.scores["scratch"], [[3.0, np.nan, 3.0]])
@@ -226,7 +250,7 @@ def test_a_failed_run_counts_as_the_worst_one():
         (GRID.replace("steps = 256", "steps = 257"), "holds runs of ppo on InvertedDoublePendulum-v5 with 2 budgets"),
         (
             GRID.replace("[[part]]\n\n[[part]]", '[[part]]\ntrainer = [{ set = { "ppo.gamma" = 0.8 } }]\n\n[[part]]'),
-            "holds 2 runs of target",
+            "holds runs of ppo on InvertedDoublePendulum-v5 with 2 settings",
         ),
     ],
 )

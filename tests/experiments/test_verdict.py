@@ -61,3 +61,6 @@ def test_a_claim_from_few_seeds_says_so():
     assert few.kind == POSITIVE
     assert few.reason.endswith("From 3 seeds only: it holds if differences are normal; run at least 5.")
     assert "only" not in judge(ARMS).reason
+    late = ARMS | {"scratch": arm(8.0), "random": ARMS["random"][:, :3]}
+    late["random"] = np.pad(late["random"], ((0, 0), (0, 7)), constant_values=np.nan)
+    assert "only" not in judge(late).reason  # negative, by ten seeds of scratch

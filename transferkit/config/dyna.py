@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from transferkit.config.names import Preset
+from transferkit.config.names import Preset, check_choices
 from transferkit.errors import ConfigError
 
 
@@ -118,6 +118,7 @@ class DynaConfig:
     """Predict in units of the targets' own deviations."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         for name, value in vars(self).items():
             flag = f"pass --dyna.{name.replace('_', '-')}"
             if name in AT_LEAST_ONE and value < 1:

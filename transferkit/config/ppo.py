@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from transferkit.config.names import Preset
+from transferkit.config.names import Preset, check_choices
 from transferkit.errors import ConfigError
 
 LONGEST_ROLLOUT, LONGEST_SHARE, MOST_MINIBATCHES = 2048, 0.05, 8
@@ -94,6 +94,7 @@ class PPOConfig:
         return [min(self.batch_size, steps - start) for start in range(0, steps, self.batch_size)]
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if self.num_envs < 1 or self.rollout_steps < self.num_envs or self.batch_size < 1 or self.epochs < 1:
             raise ConfigError(
                 f"num_envs={self.num_envs}, rollout_steps={self.rollout_steps}, batch_size={self.batch_size}, "

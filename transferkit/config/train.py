@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from transferkit.config.dyna import DYNA_PRESETS, DynaConfig
-from transferkit.config.names import Algorithm, Preset
+from transferkit.config.names import Algorithm, Preset, check_choices
 from transferkit.config.ppo import PPO_PRESETS, PPOConfig
 from transferkit.config.wrap import WRAP_PRESETS, WrapConfig
 from transferkit.errors import ConfigError
@@ -57,6 +57,7 @@ class TrainConfig:
     """The sandwich's settings."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         if self.eval_episodes < 1:
             raise ConfigError(f"eval_episodes={self.eval_episodes} must be at least 1; pass --eval-episodes N")
         if self.eval_every < 0:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from transferkit.config.names import Preset
+from transferkit.config.names import Preset, check_choices
 from transferkit.errors import ConfigError
 
 
@@ -33,12 +33,13 @@ class WrapConfig:
     """Learning rate of a part as a multiple of the trainer's."""
 
     def __post_init__(self) -> None:
+        check_choices(self)
         for part, share in self.freeze.items():
-            if not 0 <= share <= 1:
-                raise ConfigError(f"freeze {part}={share} must lie between 0 and 1; 1 freezes it for the whole budget")
+            if not isinstance(share, int | float) or not 0 <= share <= 1:
+                raise ConfigError(f"freeze {part}={share!r} must lie between 0 and 1; 1 freezes it for the whole budget")
         for part, scale in self.lr_scale.items():
-            if not scale > 0:
-                raise ConfigError(f"lr_scale {part}={scale} must be above 0; use freeze to stop a part from learning")
+            if not isinstance(scale, int | float) or not scale > 0:
+                raise ConfigError(f"lr_scale {part}={scale!r} must be above 0; use freeze to stop a part from learning")
         if self.residual < 0:
             raise ConfigError(f"residual={self.residual} must be 0 or a width")
 
