@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from experiments.arms import ZERO_ACTION
 from experiments.grid import Cell, identify
 from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT, read_json
+from transferkit.run.directory import ALWAYS, CHECKPOINT, POLICY, RECORD, RESULT, TABLES, read_json
 from transferkit.run.files import check_state, write_atomically
 
 CELL, ERROR = "cell.json", "error.txt"
@@ -30,6 +30,15 @@ RUN_FILES = (RECORD, RESULT, POLICY, "episodes.csv", EVALUATIONS, "model.csv")
 
 READ = {"episodes": ("episode", "steps", "return"), "evaluations": ("episodes", "steps", "return_mean")}
 """Columns of a run's tables that reports read."""
+
+STATED = {
+    "eval_return_mean": "return_mean",
+    "eval_return_std": "return_std",
+    "eval_episodes": "n",
+    "steps": "steps",
+    "episodes": "episodes",
+}
+"""What a result repeats of its last evaluation."""
 
 
 def folder(out: Path, cell: Cell) -> Path:
@@ -56,7 +65,12 @@ def problem(where: Path) -> str:
 def _cell_problem(cell: Mapping[str, Any], name: str) -> str:
     if lacking := _lacking(CELL, cell, (*NAMES, "command", "config")):
         return lacking
-    if identify(cell["arm"], cell["core"], cell["config"]) != name:
+    config = cell["config"]
+    named = [config[key] for key in ("env", "member", "algo", "preset", "seed")]
+    if (
+        identify(cell["arm"], cell["core"], config) != name
+        or [cell[key] for key in ("target", "member", "algo", "preset", "seed")] != named
+    ):
         return f"{CELL} describes another run than its folder's name"
     return ""
 
@@ -64,10 +78,14 @@ def _cell_problem(cell: Mapping[str, Any], name: str) -> str:
 def _run_problem(run: Path, *, trained: bool) -> str:
     if (run / RECORD).exists() and (lacking := _lacking(RECORD, read_json(run / RECORD), ("git", "versions"))):
         return lacking
+    if (run / RECORD).exists():
+        made_by(run)
     if (run / RESULT).exists():
         return _result_problem(run, trained=trained)
     if (run / CHECKPOINT).exists():
         check_state(run / CHECKPOINT)
+    if (run.parent / ERROR).exists():
+        (run.parent / ERROR).read_text()
     return ""
 
 
@@ -91,14 +109,17 @@ def _training_problem(run: Path, result: Mapping[str, Any]) -> str:
         if not (run / name).exists():
             return f"{name} is missing"
     check_state(run / POLICY)
-    for name, wanted in READ.items():
-        if lacking := _lacking(f"{name}.csv", columns(run, name), wanted):
+    for name in ALWAYS:
+        table = columns(run, name)
+        if lacking := _lacking(f"{name}.csv", table, TABLES[name]):
             return lacking
-    if result["eval_return_mean"] not in columns(run, "evaluations")["return_mean"][-1:]:
+        if not all(np.isfinite(table[column]).all() for column in READ[name]):
+            return f"{name}.csv has a number that is not finite"
+    last = {name: values[-1:].tolist() for name, values in columns(run, "evaluations").items()}
+    if any(last[column] != [result[name]] for name, column in STATED.items()):
         return f"{EVALUATIONS} does not end with the evaluation that {RESULT} states"
-    returns = columns(run, "episodes")["return"]
-    if len(returns) != result["episodes"] or not np.isfinite(returns).all():
-        return f"episodes.csv has not the {result['episodes']} finite returns that {RESULT} counts"
+    if len(columns(run, "episodes")["return"]) != result["episodes"]:
+        return f"episodes.csv has not the {result['episodes']} returns that {RESULT} counts"
     return ""
 
 

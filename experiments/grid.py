@@ -162,7 +162,7 @@ class Grid:
                 cell = replace(cell, core="", config=replace(cell.config, core=None))
             if arm == ZERO_ACTION:
                 cell = Cell("", 0, target, arm, "", TrainConfig(target, eval_episodes=self.eval_episodes))
-            found.setdefault(cell.id, cell)
+            add(found, cell)
         return list(found.values())
 
     def _config(self, trainer: Trainer) -> TrainConfig:
@@ -181,6 +181,17 @@ class Grid:
         for target, arm, (name, core) in itertools.product(self.targets, sorted(arms), cores.items()):
             with _at(*changed, target, name):
                 ARMS[arm](replace(config, env=target), core)
+
+
+def add(found: dict[str, Cell], cell: Cell) -> None:
+    """Add a run once.
+
+    Raises:
+        GridError: it is there under another trainer's name.
+    """
+    other = found.setdefault(cell.id, cell).trainer
+    if other != cell.trainer:
+        raise GridError(f"trainers {other!r} and {cell.trainer!r} are the same runs; leave one out", cell.trainer)
 
 
 @contextmanager
@@ -205,6 +216,7 @@ def _by_dotted_name(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
+    changed: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         section, _, key = name.partition(".")
         part = getattr(config, section, None)
@@ -220,7 +232,10 @@ def _override(config: TrainConfig, values: Mapping[str, Any]) -> TrainConfig:
         with _at(name, key):
             if not (fixed is None or _fits(fixed, getattr(part, key))):
                 raise ConfigError(f"set has {name}={value!r}, which is of another type than {getattr(part, key)!r}")
-            config = replace(config, **{section: replace(part, **{key: fixed})})  # type: ignore[type-var] - a dataclass
+        changed.setdefault(section, {})[key] = fixed
+    for section, own in changed.items():  # at once: one setting may need another
+        with _at(*own):
+            config = replace(config, **{section: replace(getattr(config, section), **own)})
     return config
 
 

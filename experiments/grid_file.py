@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from experiments.grid import Cell, Grid, GridError, Trainer, check_names
+from experiments.grid import Cell, Grid, GridError, Trainer, add, check_names
 from experiments.rows import ambiguity, identity
 from transferkit.errors import ConfigError
 
@@ -28,7 +28,7 @@ def load_cells(path: Path) -> list[Cell]:
         ConfigError: no such file, no TOML, an unknown key, or a value that cannot be, with its line.
     """
     try:
-        text = path.read_text()
+        text = path.read_text(encoding="utf-8-sig")
         data = tomllib.loads(text)
     except OSError as error:
         raise ConfigError(f"{path} cannot be read ({error.strerror}); grids lie in experiments/grids") from None
@@ -39,7 +39,8 @@ def load_cells(path: Path) -> list[Cell]:
         raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
     for k, part in enumerate(parts):
         try:
-            cells |= {cell.id: cell for cell in _grid({**data, **part}).cells()}
+            for cell in _grid({**data, **part}).cells():
+                add(cells, cell)
         except GridError as error:
             raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
     if what := ambiguity(map(identity, cells.values())):
@@ -82,7 +83,7 @@ def _numbers(name: str, value: object) -> list[int]:
     if _is_list_of(int, value) and all(number >= 0 for number in value):
         return value
     first, dash, last = str(value).partition("-")
-    if not dash or not first.isdigit() or not last.isdigit() or int(first) > int(last):
+    if not dash or not (first + last).isascii() or not first.isdigit() or not last.isdigit() or int(first) > int(last):
         raise GridError(f'{name}={value!r} must be a list of whole numbers from 0, or "0-9"', name)
     if int(last) - int(first) >= MOST:
         raise GridError(f"{name}={value!r} are more than {MOST:,}; give fewer", name)

@@ -119,4 +119,4 @@ def trial(cell: Cell) -> Pace:
     if late.any() and (steps := np.ptp(finished["steps"][late])):
         pace = max(pace, float(np.ptp(finished["seconds"][late]) / steps))
     longest = episode_limit(make_env(config.env)) or result.steps
-    return Pace(result.steps / result.episodes if result.episodes else longest, longest, pace)
+    return Pace(min(longest, result.steps / result.episodes) if result.episodes else longest, longest, pace)

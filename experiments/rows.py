@@ -93,7 +93,7 @@ def _row(where: Path) -> Row:
     row |= settings(cell["config"])
     if not (where / "run" / RESULT).exists():
         made = made_by(where / "run") if (where / "run" / RECORD).exists() else {}
-        return row | made | {"error": (where / ERROR).read_text().strip()}
+        return row | made | {"error": (where / ERROR).read_text().strip() or "unknown"}
     result = read_json(where / "run" / RESULT)
     row |= {name: result[name] for name in MEASURED}
     if cell["arm"] == ZERO_ACTION:

@@ -57,6 +57,8 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
     """
     if workers < 1:
         raise ConfigError(f"workers={workers} must be at least 1; pass --workers")
+    if out.exists() and not out.is_dir():
+        raise ConfigError(f"{out} is no folder; pass another --out DIR")
     cells = load_cells(grid)
     workers = workers if ray is None else connect(ray)
     damaged = problems(out)

@@ -26,6 +26,9 @@ DASHES = ("-", "--", ":")
 LEGEND_COLUMN, LEGEND_ROW = 3.6, 0.18
 """Inches."""
 
+PANELS = (("50-episode mean", "episodes"), ("each episode", "episodes"), ("50-episode mean", "steps"))
+"""Of the learning curves: window and axis."""
+
 PROFILE_POINTS = np.linspace(0.0, 1.0, 101)
 
 
@@ -35,8 +38,8 @@ def draw_all(matrix: Matrix, folder: Path) -> list[Path]:
     drawn = []
     for target in dict.fromkeys(group.target for group in matrix.groups):
         groups = [group for group in matrix.groups if group.target == target]
-        if not any(arm.episodes for arm in lines_of(groups).values()):
-            continue  # only rows are known
+        if not any(arm.curve(*panel) for arm in lines_of(groups).values() for panel in PANELS):
+            continue  # only rows are known, or less than two episodes
         drawn.append(_save(_learning_curves(target, groups), folder / f"curves_{_slug(target)}"))
         model_free = [group for group in groups if group.algo == "ppo"]
         if model_free and len(model_free) < len(groups):
@@ -62,9 +65,8 @@ def lines_of(groups: Sequence[Group]) -> dict[str, Arm]:
 def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN401 - a matplotlib figure
     """The paper's figure: training returns over episodes, smoothed as there and not, and over environment steps."""
     figure, axes = plt.subplots(1, 3, figsize=(15, 4.5))
-    panels = (("50-episode mean", "episodes"), ("each episode", "episodes"), ("50-episode mean", "steps"))
     lines = lines_of(groups)
-    for axis, (window, unit) in zip(axes, panels, strict=True):
+    for axis, (window, unit) in zip(axes, PANELS, strict=True):
         curves = {label: curve for label, arm in lines.items() if (curve := arm.curve(window, unit))}
         for k, label in enumerate(lines):
             if not (curve := curves.get(label)):

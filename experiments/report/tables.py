@@ -33,7 +33,7 @@ def arm_rows(group: Group) -> list[dict[str, Any]]:
 
 def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
     values = arm.returns[None] if arm.name == ZERO_ACTION else complete(group.scores[arm.name])
-    low, high = _mean_interval(values)
+    low, high = _mean_interval(values) if arm.rows else (None, None)  # of copies of another arm's run
     row = {
         "target": group.target,
         "trainer": group.trainer,

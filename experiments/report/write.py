@@ -48,6 +48,8 @@ def report(results: Path, out: Path) -> None:
 
 def _empty_folder(out: Path) -> Path:
     """The folder beside the page, without what an earlier report left in it."""
+    if out.exists() and not (out.is_file() or out.is_dir()):
+        raise RunDirectoryError(f"{out} is no file that could be replaced; pass another, as --out report.html")
     if out.is_dir():
         raise RunDirectoryError(f"{out} is a folder; pass a file, as --out {out / 'report.html'}")
     folder = out.with_name(f"{out.stem}_files")

@@ -55,7 +55,8 @@ def test_a_grid_is_a_product_in_which_nothing_is_run_twice(grid):
     counts = Counter(cell.arm for cell in cells)
     assert counts == {"transfer": 4, "random": 4, "scratch-matched": 2, "scratch": 2, "constant": 2, "zero-action": 1}
     assert len({cell.id for cell in cells}) == len(cells)
-    trained = GRID + '[[trainer]]\nset = { ppo.epochs = 3, "ppo.max_grad_norm" = "none" }  # quoted or not\n'
+    quoted_or_not = 'ppo.learning_rate = 0.5, ppo.schedule = "fixed", ppo.epochs = 3, "ppo.max_grad_norm" = "none"'
+    trained = GRID + f"[[trainer]]\nset = {{ {quoted_or_not} }}\n"
     settings = {
         (cell.config.ppo.epochs, cell.config.ppo.max_grad_norm) for cell in load_cells(grid(trained)) if cell.arm == "transfer"
     }
@@ -109,6 +110,10 @@ def test_the_grid_of_the_docs_has_every_key(grid):
             '[[part]]\n[[part]]\nseeds = [5]\ntrainer = [{ set = { "wrap.residual" = 0 } }]',
             "ppo on InvertedDoublePendulum-v5 with 2 wrappings",
         ),
+        ("eval_episodes = 2", '[[trainer]]\n[[trainer]]\nname = "two"', "line 9: trainers 'ppo' and 'two' are the same runs"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.hidden" = [-1] }', "line 8: hidden=.* whole numbers from 1"),
+        ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = 2.0 }', "line 8: gamma=2.0 must lie"),
+        ('"0-1"', '"0-²"', "line 6: .*must be a list of whole numbers"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "wrap.tap" = "feature" }', "line 8: .*did you mean features"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.hidden" = [64, 0.5] }', "line 8: .*another type"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "wrap.freeze" = { core = "all" } }', "line 8: freeze core='all' must"),
@@ -253,7 +258,8 @@ def test_what_cannot_be_written_or_reached_is_one_line(grid, tmp_path, monkeypat
     (tmp_path / "file").touch()
     command = ["matrix", str(grid()), "--out"]
     for more, message in (
-        ([str(tmp_path / "file")], f"{tmp_path}/file cannot be written (Not a directory); pass another --out DIR"),
+        ([str(tmp_path / "file")], f"{tmp_path}/file is no folder; pass another --out DIR"),
+        (["/proc/none"], "/proc/none cannot be written (No such file or directory); pass another --out DIR"),
         ([str(tmp_path / "out"), "--ray", "nonsense"], "--ray nonsense is no address; pass auto, HOST:PORT or ray://HOST:PORT"),
         ([str(tmp_path / "out"), "--workers", "0"], "workers=0 must be at least 1; pass --workers"),
     ):

@@ -5,6 +5,7 @@ import itertools
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,6 +155,15 @@ def test_damaged_runs_enter_no_table_and_run_again(results, tmp_path):
         ("run/result.json", lambda data: data[:9], "run/result.json is damaged (Unterminated string"),
         ("cell.json", lambda data: data.replace(b'"arm"', b'"arms"'), "cell.json has no arm"),
         ("cell.json", lambda _: None, "it holds no cell.json"),
+        ("cell.json", lambda data: data.replace(b'"seed": 0', b'"seed": 1', 1), "cell.json describes another run"),
+        ("run/evaluations.csv", lambda data: data.replace(b",n\n", b",m\n"), "evaluations.csv has no n"),
+        (
+            "run/result.json",
+            lambda data: data.replace(b'"eval_episodes": 2', b'"eval_episodes": 3'),
+            "evaluations.csv does not",
+        ),
+        ("run/episodes.csv", lambda data: data.replace(b"\n1,", b"\nnan,", 1), "episodes.csv has a number that is not finite"),
+        ("run/run.json", lambda data: data.replace(b'"versions": {', b'"versions": [], "v": {'), "AttributeError"),
     ],
 )
 def test_damage_is_named_by_its_file(results, tmp_path, name, change, what):
@@ -274,6 +284,8 @@ def test_what_cannot_be_reported_is_one_line(results, tmp_path, monkeypatch, cap
         (tmp_path / "file", tmp_path / "page.html", f"{tmp_path}/file is no folder; pass one that"),
         (tmp_path, tmp_path / "page.html", f"{tmp_path}/known is a file; make it a folder"),
         (results, tmp_path, f"{tmp_path} is a folder; pass a file, as --out {tmp_path}/report.html"),
+        (results, Path(), ". is a folder; pass a file, as --out report.html"),
+        (results, Path("/dev/null"), "/dev/null is no file that could be replaced"),
         (results, tmp_path / "file" / "page.html", f"{tmp_path}/file/page_files cannot be written (Not a directory)"),
     ):
         monkeypatch.setattr("sys.argv", ["report", str(root), "--out", str(out)])

@@ -12,11 +12,13 @@ Preset = Literal["default", "paper"]
 
 
 def check_choices(config: object) -> None:
-    """Check every field of a configuration that takes one of a few names.
+    """Check every field of a configuration that takes one of a few names, and the widths of hidden layers.
 
     Raises:
         ConfigError: one has another.
     """
+    if any(type(width) is not int or width < 1 for width in getattr(config, "hidden", ())):
+        raise ConfigError(f"hidden={config.hidden} must be whole numbers from 1, as 64 64")  # type: ignore[attr-defined]
     for name, known in _choices(type(config)).items():
         value = getattr(config, name)
         if value not in known:

@@ -102,6 +102,9 @@ class PPOConfig:
             )
         if self.rollout == "episode" and self.num_envs != 1:
             raise ConfigError(f"rollout='episode' needs num_envs=1, not {self.num_envs}; pass --ppo.num-envs 1")
+        for name in ("gamma", "lam"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise ConfigError(f"{name}={getattr(self, name)} must lie between 0 and 1; pass --ppo.{name}")
         for name in ("learning_rate", "critic_learning_rate"):
             rate = getattr(self, name)
             if rate is not None and not 0 < rate < 1:
