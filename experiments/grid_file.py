@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeGuard
 
+from experiments.arms import ZERO_ACTION
 from experiments.grid import Cell, Grid, GridError, Trainer, add, check_names
 from experiments.rows import ambiguity, identity
 from transferkit.errors import ConfigError
@@ -44,7 +45,8 @@ def load_cells(path: Path) -> list[Cell]:
         except GridError as error:
             raise ConfigError(f"{path}{_line(text, k, error.where)}: {error}") from None
     if what := ambiguity(map(identity, cells.values())):
-        raise ConfigError(f"{path} has {what}; give each its own name in [[trainer]]")
+        fix = "use one eval_episodes" if ZERO_ACTION in what else "give each its own name in [[trainer]]"
+        raise ConfigError(f"{path} has {what}; {fix}")
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
 
 

@@ -16,7 +16,7 @@ from experiments.cells import CELL, CELLS, VERSIONS, problems
 from experiments.references import best
 from experiments.report.runs import Arm, Array
 from experiments.rows import ambiguity, ended, label
-from experiments.verdict import TRANSFER, Verdict, judge
+from experiments.verdict import SCRATCH, TRANSFER, Verdict, judge
 from transferkit import stats
 from transferkit.errors import RunDirectoryError
 from transferkit.run.directory import read_json
@@ -179,4 +179,4 @@ def _groups(rows: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any
 
 
 def _rank(arm: str) -> tuple[int, str]:
-    return (0 if arm == TRANSFER else 1 if arm == "scratch" else 3 if arm in (*WITHOUT_CORE, ZERO_ACTION) else 2, arm)
+    return (0 if arm == TRANSFER else 1 if arm == SCRATCH else 3 if arm in (*WITHOUT_CORE, ZERO_ACTION) else 2, arm)

@@ -111,6 +111,11 @@ def test_the_grid_of_the_docs_has_every_key(grid):
             "ppo on InvertedDoublePendulum-v5 with 2 wrappings",
         ),
         ("eval_episodes = 2", '[[trainer]]\n[[trainer]]\nname = "two"', "line 9: trainers 'ppo' and 'two' are the same runs"),
+        (
+            "eval_episodes = 2",
+            "[[part]]\n[[part]]\neval_episodes = 3\narms = ['zero-action']",
+            "arm zero-action.*use one eval_ep",
+        ),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.hidden" = [-1] }', "line 8: hidden=.* whole numbers from 1"),
         ("eval_episodes = 2", '[[trainer]]\nset = { "ppo.gamma" = 2.0 }', "line 8: gamma=2.0 must lie"),
         ('"0-1"', '"0-²"', "line 6: .*must be a list of whole numbers"),
