@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from experiments.arms import ZERO_ACTION
-from experiments.cells import CELL, CELLS, MEASURED
+from experiments.cells import CELL, CELLS, MEASURED, STATED, problems
 from experiments.grid import Cell
 from experiments.grid_file import load_cells
 from experiments.rows import write_csv
@@ -34,6 +34,7 @@ def main() -> None:
         assert len(cells) == RUNS, len(cells)
         for k, cell in enumerate(cells):
             make_up(cell, root / CELLS / cell.id, np.random.default_rng(k))
+        assert not problems(root)
         started = time.perf_counter()
         subprocess.run([sys.executable, "-m", "experiments.report", str(root), "--out", str(root / "page.html")], check=True)
         print(f"report of {RUNS} runs: {time.perf_counter() - started:.1f} s (must be 20)")
@@ -45,14 +46,15 @@ def make_up(cell: Cell, where: Path, random: np.random.Generator) -> None:
     write_json(where / CELL, {"id": cell.id, **cell.row, "command": "made up", "config": asdict(cell.config)})
     trained = cell.arm != ZERO_ACTION
     scores = dict.fromkeys(MEASURED, 1.0) | {"episodes": EPISODES * trained, "eval_return_mean": random.normal(100, 30)}
-    write_json(where / "run" / RESULT, scores | {"steps": EPISODES * 100 * trained})
+    scores["steps"] = EPISODES * 100 * trained
+    write_json(where / "run" / RESULT, scores)
     if trained:
         write_json(where / "run" / RECORD, {"config": asdict(cell.config), "git": None, "versions": versions()})
         save_state(where / "run" / POLICY, {"weights": torch.zeros(16, 1024)})
         returns = np.cumsum(random.normal(1, 20, EPISODES))
         rows = [{"episode": k + 1, "steps": 100 * (k + 1), "return": r} for k, r in enumerate(returns)]
         points = [{"steps": 4000 * k, "episodes": 40 * k, "return_mean": 10.0 * k} for k in range(EVALUATIONS)]
-        points[-1]["return_mean"] = scores["eval_return_mean"]
+        points[-1] = {column: scores[name] for name, column in STATED.items()}
         for name, lines in (("episodes", rows), ("evaluations", points)):
             write_csv(where / "run" / f"{name}.csv", [dict.fromkeys(TABLES[name], 0.123456789) | line for line in lines])
 
