@@ -76,10 +76,11 @@ def _cell_problem(cell: Mapping[str, Any], name: str) -> str:
 
 
 def _run_problem(run: Path, *, trained: bool) -> str:
-    if (run / RECORD).exists() and (lacking := _lacking(RECORD, read_json(run / RECORD), ("git", "versions"))):
-        return lacking
     if (run / RECORD).exists():
-        made_by(run)
+        record = read_json(run / RECORD)
+        if lacking := _lacking(RECORD, record, ("git", "versions")):
+            return lacking
+        _made_by(record)
     if (run / RESULT).exists():
         return _result_problem(run, trained=trained)
     if (run / CHECKPOINT).exists():
@@ -147,7 +148,10 @@ def problems(out: Path) -> dict[Path, str]:
 
 def made_by(run: Path) -> dict[str, str]:
     """Commit and versions that a run was made with."""
-    record = read_json(run / RECORD)
+    return _made_by(read_json(run / RECORD))
+
+
+def _made_by(record: Mapping[str, Any]) -> dict[str, str]:
     return {"commit": (record["git"] or {}).get("commit", ""), **{name: record["versions"].get(name, "") for name in VERSIONS}}
 
 

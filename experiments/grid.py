@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import itertools
 import json
@@ -17,6 +18,7 @@ from transferkit.budget import Budget
 from transferkit.config import Algorithm, Preset, TrainConfig, preset
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, TransferkitError, did_you_mean
+from transferkit.policy.core import Core
 from transferkit.zoo.artifact import load_core
 
 SECTIONS = ("ppo", "dyna", "wrap")
@@ -136,12 +138,18 @@ class Grid:
         for name in self.targets:
             with _at(name):
                 derive_spec(name)
+        for core, member in itertools.product(self._cores.values(), self.members):
+            with _at("members"):
+                core.network(member)
+
+    @functools.cached_property
+    def _cores(self) -> dict[str, Core]:
+        """By name, loaded once."""
+        found = {}
         for name in self.cores:
             with _at(name):
-                core = load_core(name)
-            with _at("members"):
-                for member in self.members:
-                    core.network(member)
+                found[name] = load_core(name)
+        return found
 
     def cells(self) -> list[Cell]:
         """Every run once: arms without a core, or without a member, are not repeated for every one.
@@ -177,8 +185,7 @@ class Grid:
     def _build(self, config: TrainConfig, changed: Iterable[str]) -> None:
         """Build every core into every target once for every way in which the arms do it."""
         arms = {"transfer", *DISTINCT & {*self.arms}} if {*self.arms} & {*ARMS} else set()
-        cores = {name: load_core(name) for name in self.cores}
-        for target, arm, (name, core) in itertools.product(self.targets, sorted(arms), cores.items()):
+        for target, arm, (name, core) in itertools.product(self.targets, sorted(arms), self._cores.items()):
             with _at(*changed, target, name):
                 ARMS[arm](replace(config, env=target), core)
 

@@ -83,14 +83,16 @@ def ended(out: Path, damaged: Collection[Path]) -> tuple[list[Row], list[Row]]:
 
 def identity(cell: Cell) -> Row:
     """What the row of a cell says before it has run."""
-    config = asdict(cell.config)
-    return cell.row | {name: config[name.removeprefix("budget_")] for name in BUDGETS} | settings(config)
+    return _identity(cell.row, asdict(cell.config))
+
+
+def _identity(names: Mapping[str, Any], config: Mapping[str, Any]) -> Row:
+    return {**names, **{name: config.get(name.removeprefix("budget_")) for name in BUDGETS}, **settings(config)}
 
 
 def _row(where: Path) -> Row:
     cell, row = read_json(where / CELL), dict.fromkeys(COLUMNS, "")
-    row |= {name: cell[name] for name in NAMES} | {name: cell["config"].get(name.removeprefix("budget_")) for name in BUDGETS}
-    row |= settings(cell["config"])
+    row |= _identity({name: cell[name] for name in NAMES}, cell["config"])
     if not (where / "run" / RESULT).exists():
         made = made_by(where / "run") if (where / "run" / RECORD).exists() else {}
         return row | made | {"error": (where / ERROR).read_text().strip() or "unknown"}
