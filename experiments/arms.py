@@ -15,7 +15,7 @@ from torch import nn
 from transferkit.config import TrainConfig
 from transferkit.policy import ConstantPolicy, Policy
 from transferkit.policy.core import Core
-from transferkit.policy.health import random_play
+from transferkit.policy.health import play
 from transferkit.trained import new_policy
 
 PROBE_STEPS = 500
@@ -60,7 +60,7 @@ def random_core(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
 def random_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
     """A random core whose first actions are as large, and as noisy, as the transfer's."""
     reference, policy = new_policy(config, core), new_policy(config, core.randomized(config.seed))
-    observation = torch.from_numpy(random_play(config.env, PROBE_STEPS, config.seed))
+    observation = torch.from_numpy(play(config.env, PROBE_STEPS, config.seed))
     with torch.no_grad():
         wanted, actual = (made(observation)[0].square().mean().sqrt() for made in (reference, policy))
         for parameter in last_layer(policy).parameters():

@@ -14,7 +14,7 @@ from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
 from transferkit.nn import Value
 from transferkit.policy import Policy, wrap
-from transferkit.policy.health import random_play
+from transferkit.policy.health import play
 from transferkit.record.format import Names
 from transferkit.record.play import Subject
 from transferkit.run.directory import POLICY, RECORD, read_json
@@ -151,5 +151,5 @@ def export_onnx(subject: Subject, path: Path) -> float:
 
 def _random_observations(env_id: str) -> Tensor:
     """As random play meets them, and their multiples."""
-    seen = torch.from_numpy(random_play(env_id, PARITY_ROWS, 0))
+    seen = torch.from_numpy(play(env_id, PARITY_ROWS, 0))
     return seen * torch.linspace(0.1, 3.0, len(seen)).unsqueeze(-1)

@@ -6,7 +6,7 @@ import torch
 from experiments.arms import ARMS, PROBE_STEPS, WITHOUT_CORE, count_parameters
 from transferkit.config import TrainConfig
 from transferkit.policy import build
-from transferkit.policy.health import random_play
+from transferkit.policy.health import play
 from transferkit.run.streams import Streams
 
 CONFIG = TrainConfig("InvertedDoublePendulum-v5", core="made-up", seed=3)
@@ -26,7 +26,7 @@ def test_controls_differ_from_the_transfer_in_their_core_alone(untrained_core):
 
 
 def test_the_matched_random_core_acts_as_strongly(untrained_core):
-    observation = torch.from_numpy(random_play(CONFIG.env, PROBE_STEPS, CONFIG.seed))
+    observation = torch.from_numpy(play(CONFIG.env, PROBE_STEPS, CONFIG.seed))
     strength = lambda policy: policy(observation)[0].square().mean().sqrt().item()  # noqa: E731
     reference, matched = (ARMS[name](CONFIG, untrained_core)[1] for name in ("transfer", "random-matched"))
     assert strength(matched) == pytest.approx(strength(reference), rel=1e-4)

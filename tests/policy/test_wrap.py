@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from transferkit import wrap
+from transferkit import load_core, wrap
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, DimensionError
 from transferkit.nn import Architecture, Linear, PolicyNet
@@ -142,6 +142,15 @@ def test_health_tells_the_papers_sandwich_from_the_default(specs):
         assert well.core_gradient > 0
         assert well.action_rank == 3
         assert (well.std_low, well.std_high) == pytest.approx((0.6, 0.6))
+
+
+def test_health_tells_actions_that_exploration_cannot_change():
+    """Hanging, the pole is far from what the core has learnt on, so it pushes far beyond full force; upright it is not."""
+    stuck, well = (wrap(load_core("inverted-pendulum-v1"), f"dm_control/cartpole-{task}-v0") for task in ("swingup", "balance"))
+    sick = health(stuck, "dm_control/cartpole-swingup-v0", steps=200)
+    assert sick.saturated > 0.9
+    assert any("outside the limits" in warning for warning in sick.warnings)
+    assert health(well, "dm_control/cartpole-balance-v0", steps=200).saturated < 0.1
 
 
 def test_controls_keep_what_they_claim_to_keep(untrained_core):

@@ -18,10 +18,13 @@ from transferkit.run.streams import Streams
 DEAD = 1e-6
 """Least spread of a unit that counts as alive."""
 
+REACH = 2.0
+"""Standard deviations that exploration goes away from the mean action."""
+
 
 @dataclass(frozen=True)
 class Health:
-    """What `health` measured on observations of random play."""
+    """What `health` measured, on observations of random play where it does not say otherwise."""
 
     dead_units: float
     """Share of hidden units whose output never varies."""
@@ -34,6 +37,8 @@ class Health:
     """Largest."""
     core_gradient: float
     """Norm of a policy gradient in the core's parameters (without a core, the network's)."""
+    saturated: float
+    """Share of the mean actions of its own play so far outside the limits that exploration does not reach back inside."""
 
     @property
     def warnings(self) -> list[str]:
@@ -47,19 +52,24 @@ class Health:
             found.append(f"initial standard deviation of actions spans {self.std_low:.1e} to {self.std_high:.1e}")
         if self.core_gradient == 0.0:
             found.append("no gradient reaches the core")
+        if self.saturated > 0.5:
+            found.append(
+                f"{self.saturated:.0%} of its own actions are further outside the limits than exploration reaches back"
+            )
         return found
 
 
 def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: int = 0) -> Health:
-    """Measure a policy on observations from random play in the environment.
+    """Measure a policy on observations from random play in the environment, and from its own.
 
     Args:
         policy: any policy of the environment's dimensions; it is not changed.
         env: an id or an environment; its state is lost.
-        steps: observations to collect.
-        seed: of the random play and of the sampled actions.
+        steps: observations to collect of either play.
+        seed: of the play and of the sampled actions.
     """
-    observation = torch.from_numpy(random_play(env, steps, seed)).to(next(policy.parameters()).device)
+    device = next(policy.parameters()).device
+    observation = torch.from_numpy(play(env, steps, seed)).to(device)
     outputs: list[torch.Tensor] = []
     hooks = [
         layer.register_forward_hook(lambda _m, _i, out: outputs.append(out.detach()))
@@ -79,7 +89,14 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
         std_low=float(std.min()),
         std_high=float(std.max()),
         core_gradient=_core_gradient(policy, mean, log_std, seed),
+        saturated=_saturated(policy, torch.from_numpy(play(env, steps, seed, policy)).to(device)),
     )
+
+
+@torch.no_grad()
+def _saturated(policy: Policy, observation: torch.Tensor) -> float:
+    mean, log_std = policy(observation)
+    return float((mean.abs() - REACH * log_std.exp() > 1).float().mean())
 
 
 def _core_gradient(policy: Policy, mean: torch.Tensor, log_std: torch.Tensor, seed: int) -> float:
@@ -102,15 +119,18 @@ def _rank(actions: torch.Tensor) -> int:
     return int((values > 1e-4 * values[0].clamp(min=1e-12)).sum()) if values[0] > 1e-9 else 0
 
 
-def random_play(env: str | gymnasium.Env, steps: int, seed: int) -> NDArray[np.float32]:
-    """Observations `(steps, obs_dim)` under uniform actions."""
+def play(env: str | gymnasium.Env, steps: int, seed: int, policy: Policy | None = None) -> NDArray[np.float32]:
+    """Observations `(steps, obs_dim)` under the policy's mean actions, without one under uniform actions."""
     made = make_env(env)
     streams = Streams(seed)
     generator = streams.numpy("health actions")
     observations = [made.reset(seed=streams.integer("health", 0))[0]]
     assert made.action_space.shape is not None
     while len(observations) < steps:
-        action = generator.uniform(-1, 1, made.action_space.shape).astype(np.float32)
+        if policy is None:
+            action = generator.uniform(-1, 1, made.action_space.shape).astype(np.float32)
+        else:
+            action = policy.act(observations[-1][None])[0]
         observation, _, terminated, truncated, _ = made.step(action)
         if terminated or truncated:
             observation = made.reset(seed=streams.integer("health", len(observations)))[0]
