@@ -18,8 +18,10 @@ from experiments.report.runs import Arm, Array
 from experiments.rows import ambiguity, ended, label
 from experiments.verdict import SCRATCH, TRANSFER, Verdict, judge
 from transferkit import stats
-from transferkit.errors import RunDirectoryError
+from transferkit.errors import RunDirectoryError, UnknownNameError
 from transferkit.run.directory import read_json
+from transferkit.zoo.card import Card, read_card
+from transferkit.zoo.catalog import find_core
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +64,23 @@ class Group:
     def verdict(self) -> Verdict:
         """What the comparison shows."""
         found = judge(self.scores)
+        reason = found.reason
+        if self.own_task:
+            reason += " It was trained on this very task: this shows what training keeps, not transfer."
         counts = {
             "Diverged runs, which count as the worst run of the comparison": lambda arm: len(arm.diverged),
             "Runs that failed in another way, which are left out": lambda arm: len(arm.failed) - len(arm.diverged),
         }
-        reason = found.reason
         for what, count in counts.items():
             if names := ", ".join(f"{name} {count(arm)}" for name, arm in self.arms.items() if count(arm)):
                 reason += f" {what}: {names}."
         return replace(found, reason=reason)
+
+    @functools.cached_property
+    def own_task(self) -> bool:
+        """Whether the target is what the core was trained on; False where the core is not here."""
+        card = card_of(self.core) if self.core else None
+        return card is not None and card.source.env_id == self.target
 
     @property
     def algo(self) -> str:
@@ -156,6 +166,14 @@ def load_matrix(root: Path) -> Matrix:
         commands,
         [", ".join(names) for names in sorted(made_by)],
     )
+
+
+def card_of(core: str) -> Card | None:
+    """The card of a core; None where the core is not here."""
+    try:
+        return read_card(find_core(core))
+    except UnknownNameError:
+        return None
 
 
 def _groups(rows: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]], root: Path) -> list[Group]:

@@ -27,7 +27,7 @@ SIGNS = {POSITIVE: "+", NEGATIVE: "-", NONE: "○"}
 def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path], out: Path) -> None:
     """Write the page."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"num": number, "sign": lambda verdict: SIGNS[verdict]}
+    environment.filters |= {"num": number, "sign": sign}
     ids = {id(group): f"cell-{k}" for k, group in enumerate(matrix.groups)}
     curves: dict[str, Any] = {}
     page = environment.from_string(TEMPLATE.read_text()).render(
@@ -70,7 +70,12 @@ def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any
 
 def _heat_text(group: Group) -> str:
     difference = group.verdict.scratch
-    return SIGNS[group.verdict.kind] + ("" if difference is None else f"<br>{difference.mean:+.4g}")
+    return sign(group) + ("" if difference is None else f"<br>{difference.mean:+.4g}")
+
+
+def sign(group: Group) -> str:
+    """Of its verdict; in parentheses where the target is the core's own task."""
+    return f"({SIGNS[group.verdict.kind]})" if group.own_task else SIGNS[group.verdict.kind]
 
 
 def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:

@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from experiments.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.report.data import Group, Matrix
+from experiments.report.data import Group, Matrix, card_of
 from experiments.report.runs import Arm, Array, Key
 from experiments.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
-from transferkit.errors import UnknownNameError
-from transferkit.zoo.card import read_card
-from transferkit.zoo.catalog import find_core
 
 HALFWAY = 0.5
 """The threshold of time to threshold, on the scale from zero action (0) to the upper reference (1)."""
@@ -122,10 +119,8 @@ def _measures(runs: Mapping[Key, Mapping[str, Array]], horizon: float) -> dict[s
 
 def source_steps(core: str) -> float | None:
     """Environment steps that a member of the core cost, on average; None where the core is not here."""
-    try:
-        return float(np.mean([spent["steps"] for spent in read_card(find_core(core)).spent]))
-    except UnknownNameError:
-        return None
+    card = card_of(core)
+    return card and float(np.mean([spent["steps"] for spent in card.spent]))
 
 
 def verdict_rows(matrix: Matrix) -> list[dict[str, Any]]:
@@ -136,6 +131,7 @@ def verdict_rows(matrix: Matrix) -> list[dict[str, Any]]:
             "trainer": group.trainer,
             "core": group.core,
             "verdict": group.verdict.kind,
+            "own_task": group.own_task,
             "reason": group.verdict.reason,
             "transfer_minus_scratch": group.verdict.scratch and group.verdict.scratch.mean,
             "normalized": group.normalized_difference,

@@ -78,6 +78,8 @@ def test_tables_hold_every_run_and_agree_with_them(page, results):
     assert len(read(folder / "runs.csv")) == 11
     verdicts = read(folder / "verdicts.csv")
     assert [row["target"] for row in verdicts] == ["InvertedDoublePendulum-v5", "InvertedPendulum-v5"]
+    assert [row["own_task"] for row in verdicts] == ["False", "True"]
+    assert ["this very task" in row["reason"] for row in verdicts] == [False, True]
     for verdict in verdicts:
         here = [row for row in read(folder / "runs.csv") if row["target"] == verdict["target"] and row["trainer"] == "ppo"]
         means = {
