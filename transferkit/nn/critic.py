@@ -54,11 +54,12 @@ class StateCritic(nn.Module):
         generator: torch.Generator | None = None,
         *,
         gain: float | None = None,
+        zero_bias: bool = True,
         normalizer: Normalizer | None,
     ) -> None:
         super().__init__()
-        self.body = mlp(obs_dim, hidden, activation, generator, gain=gain)
-        self.head = Linear(hidden[-1], 1, generator, gain=None if gain is None else 1.0)
+        self.body = mlp(obs_dim, hidden, activation, generator, gain=gain, zero_bias=zero_bias)
+        self.head = Linear(hidden[-1], 1, generator, gain=None if gain is None else 1.0, zero_bias=zero_bias)
         # In a list, so that the statistics are saved once, with the policy they belong to.
         self._normalizer = [normalizer or nn.Identity()]
 

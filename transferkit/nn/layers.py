@@ -28,7 +28,7 @@ class Linear(nn.Linear):
     """`nn.Linear` that draws its weights from a given generator.
 
     With `gain=None` the initialisation is `nn.Linear`'s own, uniform in +-1/sqrt(in); otherwise orthogonal with that gain
-    and zero bias (Andrychowicz et al. 2021, "What matters in on-policy RL"). Without a generator weights are zero, for a
+    and zero bias (Andrychowicz et al. 2021, "What matters in on-policy RL"), or with `zero_bias=False` `nn.Linear`'s. Without a generator weights are zero, for a
     network whose weights are loaded or filled afterwards.
     """
 
@@ -39,8 +39,9 @@ class Linear(nn.Linear):
         generator: torch.Generator | None = None,
         *,
         gain: float | None = None,
+        zero_bias: bool = True,
     ) -> None:
-        self._generator, self._gain = generator, gain
+        self._generator, self._gain, self._zero_bias = generator, gain, zero_bias
         super().__init__(in_features, out_features)
         del self._generator  # nn.Module must stay copyable
 
@@ -49,13 +50,16 @@ class Linear(nn.Linear):
         if self._generator is None:
             nn.init.zeros_(self.weight)
             nn.init.zeros_(self.bias)
-        elif self._gain is None:
-            bound = 1 / math.sqrt(self.in_features)
+            return
+        bound = 1 / math.sqrt(self.in_features)
+        if self._gain is None:
             nn.init.uniform_(self.weight, -bound, bound, generator=self._generator)
-            nn.init.uniform_(self.bias, -bound, bound, generator=self._generator)
         else:
             with one_thread():
                 nn.init.orthogonal_(self.weight, self._gain, generator=self._generator)
+        if self._gain is None or not self._zero_bias:
+            nn.init.uniform_(self.bias, -bound, bound, generator=self._generator)
+        else:
             nn.init.zeros_(self.bias)
 
 
@@ -87,10 +91,11 @@ def mlp(
     generator: torch.Generator | None = None,
     *,
     gain: float | None = None,
+    zero_bias: bool = True,
 ) -> MLP:
     """Hidden layers of an MLP, without an output layer."""
     sizes = [in_features, *hidden]
     layers: list[nn.Module] = []
     for fan_in, fan_out in itertools.pairwise(sizes):
-        layers += [Linear(fan_in, fan_out, generator, gain=gain), ACTIVATIONS[activation]()]
+        layers += [Linear(fan_in, fan_out, generator, gain=gain, zero_bias=zero_bias), ACTIVATIONS[activation]()]
     return MLP(*layers)

@@ -49,17 +49,19 @@ class PolicyNet(nn.Module):
         """Initialise from the generator, or with zeros when the weights are loaded afterwards.
 
         Orthogonal with gain sqrt(2), and 0.01 on the mean head so that a new policy acts near zero (Andrychowicz et al.
-        2021); `uniform`, and `std="head"`, keep `nn.Linear`'s own initialisation, as in the paper's code.
+        2021); with `std="head"` 0.1 on both heads and biases as `nn.Linear` has them, as in the paper's code. `uniform` keeps
+        `nn.Linear`'s own initialisation.
         """
         super().__init__()
         self.architecture = architecture
         paper = architecture.std == "head"
-        gain = math.sqrt(2) if architecture.initialization == "orthogonal" and not paper else None
-        self.body = mlp(architecture.obs_dim, architecture.hidden, architecture.activation, generator, gain=gain)
-        width = architecture.hidden[-1]
-        self.mean_head = Linear(width, architecture.act_dim, generator, gain=0.01 if gain else None)
+        orthogonal = architecture.initialization == "orthogonal"
+        gain, head_gain = (math.sqrt(2), 0.1 if paper else 0.01) if orthogonal else (None, None)
+        hidden, width = architecture.hidden, architecture.hidden[-1]
+        self.body = mlp(architecture.obs_dim, hidden, architecture.activation, generator, gain=gain, zero_bias=not paper)
+        self.mean_head = Linear(width, architecture.act_dim, generator, gain=head_gain, zero_bias=not paper)
         if paper:
-            self.log_std_head = Linear(width, architecture.act_dim, generator)
+            self.log_std_head = Linear(width, architecture.act_dim, generator, gain=head_gain, zero_bias=False)
         else:
             self.log_std = nn.Parameter(torch.full((architecture.act_dim,), math.log(init_std)))
 

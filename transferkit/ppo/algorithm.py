@@ -55,7 +55,8 @@ class PPO(rsl_rl.algorithms.PPO):
             config.hidden,
             config.activation,
             streams.torch("critic initialisation"),
-            gain=None if config.std == "head" else 2**0.5,
+            gain=2**0.5,
+            zero_bias=config.std != "head",
             normalizer=policy.normalizer,
         )
         self.noise = streams.torch("action noise", device)
