@@ -100,3 +100,15 @@ def test_initial_weights_do_not_depend_on_the_number_of_threads():
         weights.append(Linear(64, 64, Streams(0).torch("layer"), gain=1.0).weight)
         assert torch.get_num_threads() == threads
     assert torch.equal(*weights)
+
+
+def test_the_papers_network_begins_as_in_its_code():
+    """Orthogonal with gains sqrt(2) and 0.1, and biases as `nn.Linear` draws them."""
+    network = PolicyNet(Architecture(4, 1, (128, 128), "relu", std="head"), Streams(0).torch("a"))
+    first, second = network.body[0], network.body[2]
+    assert torch.allclose(first.weight.T @ first.weight, 2 * torch.eye(4), atol=1e-5)
+    assert torch.allclose(second.weight.T @ second.weight, 2 * torch.eye(128), atol=1e-5)
+    for head in (network.mean_head, network.log_std_head):
+        assert float(head.weight.norm()) == pytest.approx(0.1)
+    for layer, bound in ((first, 4**-0.5), (second, 128**-0.5), (network.mean_head, 128**-0.5)):
+        assert 0 < float(layer.bias.abs().max()) <= bound

@@ -27,9 +27,9 @@ def one_thread() -> Iterator[None]:
 class Linear(nn.Linear):
     """`nn.Linear` that draws its weights from a given generator.
 
-    With `gain=None` the initialisation is `nn.Linear`'s own, uniform in +-1/sqrt(in); otherwise orthogonal with that gain
-    and zero bias (Andrychowicz et al. 2021, "What matters in on-policy RL"), or with `zero_bias=False` `nn.Linear`'s. Without a generator weights are zero, for a
-    network whose weights are loaded or filled afterwards.
+    With `gain=None` the initialisation is `nn.Linear`'s own, uniform in +-1/sqrt(in); otherwise orthogonal with that gain,
+    with zero bias (Andrychowicz et al. 2021, "What matters in on-policy RL") or `nn.Linear`'s. Without a generator weights
+    are zero, for a network whose weights are loaded or filled afterwards.
     """
 
     def __init__(
