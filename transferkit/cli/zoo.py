@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from transferkit.cli.answer import Answer, parser
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
-from transferkit.zoo.card import Card, read_card
+from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import core_folders, find_core, list_cards
+
+if TYPE_CHECKING:
+    from transferkit.zoo.card import Card
 
 
 def main(arguments: Sequence[str]) -> Answer:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import core_zoo
 from transferkit.errors import UnknownNameError
-from transferkit.zoo.card import CARD, Card, read_card
+from transferkit.zoo.card import CARD, read_card
+
+if TYPE_CHECKING:
+    from transferkit.zoo.card import Card
 
 ZOO_PATH = "TRANSFERKIT_ZOO"
 """Environment variable with more zoo folders, separated like PATH; they come before the installed zoo."""
