@@ -10,7 +10,7 @@ from transferkit.cli.answer import Answer, parser
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
 from transferkit.zoo.card import read_card
-from transferkit.zoo.catalog import core_folders, find_core, list_cards
+from transferkit.zoo.catalog import core_folders, find_card, list_cards
 
 if TYPE_CHECKING:
     from transferkit.zoo.card import Card
@@ -71,7 +71,7 @@ def _list(options: argparse.Namespace) -> Answer:
 def _show(options: argparse.Namespace) -> Answer:
     from transferkit.zoo.readme import render  # noqa: PLC0415 - the list, which must be instant, needs none
 
-    card = read_card(find_core(options.id))
+    card = find_card(options.id)
     return Answer(card.to_json(), render(card))
 
 

@@ -46,6 +46,16 @@ def find_core(name: str | Path) -> Path:
     raise UnknownNameError("core", str(name), list(folders), topic="cores")
 
 
+def find_card(name: str | Path) -> Card:
+    """Read the card of a core by id or by path.
+
+    Raises:
+        UnknownNameError: there is no such core.
+        ArtifactError: its card is damaged, tampered with, or too new.
+    """
+    return read_card(find_core(name))
+
+
 def list_cards() -> list[Card]:
     """Read the card of every core."""
     return [read_card(folder) for folder in core_folders().values()]
