@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from transferkit.cli.answer import Answer, parser
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
-from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import core_folders, find_card, list_cards
 
 if TYPE_CHECKING:
