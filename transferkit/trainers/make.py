@@ -1,4 +1,4 @@
-"""The trainer that a configuration asks for."""
+"""The trainer that a configuration asks for; each is imported when it is asked for, since rsl_rl takes seconds."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import torch
 from numpy.typing import NDArray
 
 from transferkit.envs import derive_spec
-from transferkit.trainers.dyna.replay import Batch
-from transferkit.trainers.dyna.trainer import DynaTrainer
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
@@ -30,13 +28,14 @@ def make_trainer(
 ) -> Trainer:
     """Make the trainer of `config.algo` around a policy; `prior` are the arrays of a `Batch`, to learn from at first."""
     if config.algo == "ppo":
-        from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415 - rsl_rl takes seconds to import
+        from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415
 
         return PPOTrainer(policy, config, streams, device)
     spec = derive_spec(make_env())
     if config.algo == "dyna-ppo":
-        from transferkit.trainers.dyna_ppo import DynaPPOTrainer  # noqa: PLC0415 - rsl_rl again
+        from transferkit.trainers.dyna_ppo import DynaPPOTrainer  # noqa: PLC0415
 
         return DynaPPOTrainer(policy, spec, config, streams, device)
-    rows = None if prior is None else Batch(*map(torch.from_numpy, prior))
-    return DynaTrainer(policy, spec, config, streams, device, rows)
+    from transferkit.trainers.dyna.trainer import DynaTrainer  # noqa: PLC0415
+
+    return DynaTrainer(policy, spec, config, streams, device, prior)
