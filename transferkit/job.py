@@ -92,7 +92,9 @@ class Job:
     def trainer(self, prior: Transitions | None) -> Trainer:
         """Make the trainer around the policy."""
         streams, device = Streams(self.config.seed), _device(self.config.device)
-        return make_trainer(self.policy, self.config, self.make_env, streams, device, prior.batch() if prior else None)
+        return make_trainer(
+            self.policy, self.config, lambda: derive_spec(self.make_env()), streams, device, prior.batch() if prior else None
+        )
 
     def envs(self, trainer: Trainer) -> VectorEnv:
         """Make as many environments as the trainer steps."""
