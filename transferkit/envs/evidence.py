@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs.joints import BALL, FREE
+FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 SAMPLES = 24
 """Random states; a wrong form would have to fit all of them."""

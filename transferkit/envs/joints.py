@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from transferkit.spec import Actuator, Joint
 
-FREE, BALL, SLIDE, HINGE = range(4)
+_, BALL, SLIDE, HINGE = range(4)  # of `mujoco.mjtJoint`
 AXES = "xyz"
 
 
