@@ -1,12 +1,17 @@
 import pytest
 
 from transferkit.budget import Budget, Spent
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, SettingError
 
 
-@pytest.mark.parametrize("limits", [{}, {"episodes": 0}, {"steps": -1}, {"seconds": 0.0}, {"seconds": float("nan")}])
-def test_a_budget_needs_a_positive_limit(limits):
-    with pytest.raises(ConfigError, match="--"):
+def test_a_budget_needs_a_limit():
+    with pytest.raises(ConfigError, match="no budget given; give episodes, steps or seconds"):
+        Budget()
+
+
+@pytest.mark.parametrize("limits", [{"episodes": 0}, {"steps": -1}, {"seconds": 0.0}, {"seconds": float("nan")}], ids=str)
+def test_a_limit_is_positive(limits):
+    with pytest.raises(SettingError, match=f"^{next(iter(limits))}=.* must be a"):
         Budget(**limits)
 
 

@@ -1,97 +1,51 @@
-import errno
-import json
-import os
-from dataclasses import replace
+"""Whole runs, small."""
+
+from dataclasses import asdict, replace
 
 import pytest
 import torch
 
-from transferkit import load_core
-from transferkit.config import TrainConfig
-from transferkit.errors import ConfigError, Interrupted, NotFiniteError, RunDirectoryError
-from transferkit.evaluation import ZeroPolicy, evaluate
-from transferkit.run import RunDirectory, Streams
-from transferkit.run.directory import read_table
-from transferkit.run.files import load_state, save_state, write_atomically
-from transferkit.run.session import Session
-from transferkit.trained import load_policy
-from transferkit.transfer import run_training
+from tests.runs import assert_same_run, interrupt_at
+from tests.toys import Counter
+from transferkit import load_core, load_policy, run_training, scratch_policy, train
+from transferkit.budget import Budget
+from transferkit.config import NetworkConfig, TrainConfig, with_settings
+from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, SettingError
+from transferkit.evaluation import evaluate
+from transferkit.files import read_json
+from transferkit.policy.saved import load_saved
+from transferkit.run import EpisodeRow, EvaluationRow, load_state, read_table
 
-SMALL = TrainConfig("InvertedPendulum-v5", steps=1001, eval_episodes=2, checkpoint_seconds=0.0, eval_every=400)
-
-
-def small(**options):
-    ppo = replace(SMALL.ppo, num_envs=4, rollout_steps=128, epochs=2)
-    return replace(SMALL, **{"ppo": ppo, **options})
-
-
-def test_streams_are_named_independent_and_repeatable():
-    one, same, other = Streams(1), Streams(1), Streams(2)
-    assert one.integer("a", 0, 1) == same.integer("a", 0, 1)
-    seeds = {one.integer("a", 0, 1), one.integer("a", 1, 0), one.integer("b", 0, 1), other.integer("a", 0, 1)}
-    assert len(seeds) == 4
-    draws = [torch.rand(3, generator=stream.torch("a")) for stream in (one, same, other)]
-    assert torch.equal(draws[0], draws[1])
-    assert not torch.equal(draws[0], draws[2])
+IDP, CORE = "InvertedDoublePendulum-v5", "inverted-pendulum-v1"
+PPO = {"ppo.epochs": 2}
+DYNA = {
+    "network.hidden": [16, 16],
+    "dyna.updates_per_step": 2,
+    "dyna.batch_size": 32,
+    "dyna.model_share": 0.5,
+    "model.hidden": [16],
+    "model.updates": 60,
+    "dyna_ppo.updates": 2,
+}
+BESIDE = {"ppo": {"value"}, "dyna-ddpg": {"critic", "dynamics"}, "dyna-ppo": {"dynamics", "value"}}
+"""What is kept beside the policy."""
 
 
-def test_states_make_the_round_trip(tmp_path):
-    state = {"a": torch.arange(3), "n": [1, 2.5, None, "x"], "nested": {0: {"t": torch.ones(2, 2)}, "k": []}}
-    save_state(tmp_path / "s", state)
-    loaded = load_state(tmp_path / "s")
-    assert torch.equal(loaded["a"], state["a"])
-    assert torch.equal(loaded["nested"][0]["t"], state["nested"][0]["t"])
-    assert loaded["n"] == state["n"]
-    assert loaded["nested"]["k"] == []
+def small(algo="ppo", settings=None, **options):
+    given = {"env": "InvertedPendulum-v5", "steps": 1001, "eval_episodes": 2, "checkpoint_seconds": 0.0, "eval_every": 400}
+    config = TrainConfig(**{**given, **options}, algo=algo)
+    return with_settings(config, (PPO if algo == "ppo" else DYNA) | (settings or {}))
 
 
-def test_a_start_that_was_killed_before_its_record_is_no_hindrance(tmp_path):
-    for name in (".lock", "run.json.tmp"):
-        (tmp_path / name).touch()
-    RunDirectory.create(tmp_path, {"seed": 1}).close()
-    with pytest.raises(RunDirectoryError, match="in use"):
-        RunDirectory.create(tmp_path, {"seed": 1})
-
-
-@pytest.mark.parametrize("keep", [0, 5, 40, -1])
-def test_a_cut_state_file_is_refused(tmp_path, keep):
-    save_state(tmp_path / "s", {"a": torch.arange(100)})
-    data = (tmp_path / "s").read_bytes()
-    (tmp_path / "s").write_bytes(data[:keep])
-    with pytest.raises(RunDirectoryError, match="cannot be read"):
-        load_state(tmp_path / "s")
-
-
-def test_a_full_disk_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "file"
-    write_atomically(path, b"old")
-
-    def full(_):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(RunDirectoryError, match=r"No space left on device.*--resume"):
-        write_atomically(path, b"new")
-    assert [p.name for p in tmp_path.iterdir()] == ["file"]
-    assert path.read_bytes() == b"old"
-
-
-def test_a_directory_in_use_is_refused(tmp_path):
-    run = RunDirectory.create(tmp_path / "run", {"a": 1})
-    with pytest.raises(RunDirectoryError, match=r"in use.*--resume"):
-        RunDirectory.create(tmp_path / "run", {"a": 1})
-    with pytest.raises(RunDirectoryError, match="another process"):
-        RunDirectory.resume(tmp_path / "run", {"a": 1})
-    run.close()
-    with pytest.raises(RunDirectoryError, match="a is 1 there and 2 here"):
-        RunDirectory.resume(tmp_path / "run", {"a": 2})
-
-
-@pytest.mark.parametrize(("num_envs", "budget"), [(1, {"episodes": 7}), (8, {"episodes": 7}), (8, {"steps": 1001})])
+@pytest.mark.parametrize(
+    ("num_envs", "budget"),
+    [(1, {"episodes": 7}), (8, {"episodes": 7}), (8, {"steps": 1001})],
+    ids=["episodes", "episodes of eight environments", "steps of eight environments"],
+)
 def test_budgets_are_exact(tmp_path, num_envs, budget):
-    ppo = replace(SMALL.ppo, num_envs=num_envs, rollout_steps=64, epochs=1)
-    result = run_training(small(**{"ppo": ppo, "steps": None, **budget}), out=tmp_path / "run")
-    rows = read_table(tmp_path / "run", "episodes")
+    settings = {"ppo.num_envs": num_envs, "ppo.rollout_steps": 64, "ppo.epochs": 1}
+    result = run_training(small(settings=settings, **{"steps": None, **budget}), out=tmp_path / "run")
+    rows = read_table(tmp_path / "run", EpisodeRow)
     assert result.episodes == len(rows)
     assert [row["episode"] for row in rows] == list(range(1, len(rows) + 1))
     if "episodes" in budget:
@@ -103,60 +57,28 @@ def test_budgets_are_exact(tmp_path, num_envs, budget):
     assert ended <= result.steps < ended + 1000 * num_envs
 
 
-def numbers(path):
-    """Everything a run wrote but its times."""
-    tables = [
-        [{k: v for k, v in row.items() if k != "seconds"} for row in read_table(path, table)]
-        for table in ("episodes", "evaluations")
-    ]
-    result = {k: v for k, v in json.loads((path / "result.json").read_text()).items() if k not in ("seconds", "run_dir")}
-    return tables, result, load_policy(path).state_dict()
-
-
-def assert_same(a, b):
-    assert numbers(a)[:2] == numbers(b)[:2]
-    for name, tensor in numbers(a)[2].items():
-        assert torch.equal(tensor, numbers(b)[2][name]), name
-
-
 @pytest.mark.parametrize(
-    ("core", "stop_at", "rollout", "steps"),
+    ("config", "steps"),
     [
-        (None, None, 128, 384),
-        ("inverted-pendulum-v1", None, 128, 384),
-        (None, None, 16, 384),  # most rollouts are longer
-        (None, 1.0, 128, 512),  # at the very evaluation that is good enough
+        pytest.param(small(env=IDP), 384, id="ppo"),
+        pytest.param(small(env=IDP, core=CORE), 384, id="ppo around a core"),
+        pytest.param(small(env=IDP, settings={"ppo.rollout_steps": 16}), 384, id="ppo, most rollouts longer than the least"),
+        pytest.param(small(env=IDP, stop_at=1.0), 512, id="ppo, at the very evaluation that is good enough"),
+        pytest.param(small("dyna-ddpg", env=IDP, steps=600, eval_every=250), 300, id="dyna-ddpg"),
+        pytest.param(small("dyna-ppo", env=IDP, steps=600, eval_every=250), 300, id="dyna-ppo"),
     ],
 )
-def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, monkeypatch, core, stop_at, rollout, steps):
-    ppo = replace(SMALL.ppo, rollout_steps=rollout, epochs=2)
-    config = small(core=core, env="InvertedDoublePendulum-v5", stop_at=stop_at, ppo=ppo)
+def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, config, steps):
     run_training(config, out=tmp_path / "whole")
-    after_update = Session.after_update
-
-    def interrupted(self, metrics, state):
-        self._interrupted = self.spent.steps >= steps
-        after_update(self, metrics, state)
-
-    monkeypatch.setattr(Session, "after_update", interrupted)
-    with pytest.raises(Interrupted, match="--resume"):
-        run_training(config, out=tmp_path / "cut")
-    monkeypatch.undo()
-    (tmp_path / "cut/episodes.csv").open("a").write("999,half a row that a kill left beh")
-    run_training(config, out=tmp_path / "cut", resume=True)
-    assert run_training(config, out=tmp_path / "cut", resume=True).run_dir == str(tmp_path / "cut")  # finished: no more work
-    assert_same(tmp_path / "whole", tmp_path / "cut")
-
-
-def test_training_stops_at_an_evaluation_that_is_good_enough(tmp_path):
-    with pytest.raises(ConfigError, match=r"stop_at=3 .*--eval-every"):
-        small(eval_every=0, stop_at=3.0)
-    result = run_training(small(stop_at=1.0), out=tmp_path / "run")
-    steps = [int(row["steps"]) for row in read_table(tmp_path / "run", "evaluations")]
-    assert steps == [0, 512]
-    assert result.steps == 512
-    whole = run_training(small(stop_at=1e6), out=tmp_path / "whole")
-    assert whole.steps == 1001
+    with pytest.raises(InterruptedRunError, match="resume=True"):
+        run_training(config, out=tmp_path / "cut", report=interrupt_at(steps))
+    assert load_state(tmp_path / "cut/checkpoint.safetensors")["session"]["spent"][1] >= steps
+    with (tmp_path / "cut/episodes.csv").open("a") as file:
+        file.write("999,half a row that a kill left beh")
+    done = run_training(config, out=tmp_path / "cut", resume=True)
+    assert run_training(config, out=tmp_path / "cut", resume=True) == done  # finished: no more work
+    assert_same_run(tmp_path / "whole", tmp_path / "cut")
+    assert set(load_saved(tmp_path / "whole")["parts"]) == BESIDE[config.algo]
 
 
 def test_a_run_killed_before_its_first_checkpoint_starts_again(tmp_path):
@@ -167,49 +89,103 @@ def test_a_run_killed_before_its_first_checkpoint_starts_again(tmp_path):
         (tmp_path / "cut" / name).write_bytes((tmp_path / "whole" / name).read_bytes())
     (tmp_path / "cut/evaluations.csv").touch()
     run_training(config, out=tmp_path / "cut", resume=True)
-    assert_same(tmp_path / "whole", tmp_path / "cut")
+    assert_same_run(tmp_path / "whole", tmp_path / "cut")
 
 
-def test_nan_in_a_loss_stops_and_keeps_the_last_good_checkpoint(tmp_path):
-    config = small(
-        ppo=replace(SMALL.ppo, num_envs=4, rollout_steps=128, learning_rate=0.99, schedule="fixed", max_grad_norm=None)
-    )
-    good = None
+def test_a_run_is_resumed_with_its_own_settings_only(tmp_path):
+    config = small(steps=200)
+    run_training(config, out=tmp_path / "run")
+    with pytest.raises(RunDirectoryError, match="seed is 0 there and 1 here"):
+        run_training(replace(config, seed=1), out=tmp_path / "run", resume=True)
+    with pytest.raises(RunDirectoryError, match=r"overrides\.ppo\.gamma is None there and 0.9 here"):
+        run_training(with_settings(config, {"ppo.gamma": 0.9}), out=tmp_path / "run", resume=True)
+    with pytest.raises(RunDirectoryError, match=r"policy\..* is .* there and .* here"):
+        run_training(config, policy=scratch_policy(config.env, NetworkConfig(hidden=(8,))), out=tmp_path / "run", resume=True)
+    unread = with_settings(replace(config, checkpoint_seconds=9.0), {"dyna.gamma": 0.5})  # of no effect
+    assert run_training(unread, out=tmp_path / "run", resume=True).steps == 200
 
-    def report(spent, _):
-        nonlocal good
-        if spent.steps == 128:
-            good = (tmp_path / "run/checkpoint.safetensors").exists()
 
-    after_update = Session.after_update
+def test_the_record_is_the_configuration_and_the_result_is_the_evaluation(tmp_path):
+    config = small(steps=300, core=CORE, env=IDP)
+    result = run_training(config, out=tmp_path / "run")
+    record = read_json(tmp_path / "run/run.json")["config"]
+    assert TrainConfig.from_json(record) == config
+    assert record["core_digest"] == result.core_digest == load_core(CORE).digest
+    assert asdict(result) == read_json(tmp_path / "run/result.json")
+    scores = evaluate(load_policy(tmp_path / "run"), IDP, episodes=2).scores()
+    assert (result.eval_return_mean, result.eval_return_std) == (scores["return_mean"], scores["return_std"])
+    assert result.preset == "default-v2"
 
-    def poisoned(self, metrics, state):
-        if self.spent.steps > 128:
-            metrics = {**metrics, "surrogate": float("nan")}
-        after_update(self, metrics, state)
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Session, "after_update", poisoned)
-        with pytest.raises(NotFiniteError, match="surrogate became nan at environment step 256"):
-            run_training(config, out=tmp_path / "run", report=report)
-    state = load_state(tmp_path / "run/checkpoint.safetensors")
-    assert state["session"]["spent"][1] == 128
+def test_training_stops_at_an_evaluation_that_is_good_enough(tmp_path):
+    result = run_training(small(stop_at=1.0), out=tmp_path / "run")
+    steps = [int(row["steps"]) for row in read_table(tmp_path / "run", EvaluationRow)]
+    assert steps == [0, 512]
+    assert result.steps == 512
+    assert run_training(small(stop_at=1e6), out=tmp_path / "whole").steps == 1001
 
 
 @pytest.mark.parametrize(("frozen_share", "moves"), [(1.0, False), (0.5, True), (0.0, True)])
 def test_a_frozen_core_stays_and_an_unfrozen_one_learns(tmp_path, frozen_share, moves):
-    wrap = replace(SMALL.wrap, freeze={"core": frozen_share})
-    ppo = replace(SMALL.ppo, rollout="steps", rollout_steps=64, epochs=2)
-    run_training(small(core="inverted-pendulum-v1", wrap=wrap, ppo=ppo), out=tmp_path / "run")
+    settings = {"wrap.freeze": {"core": frozen_share}, "ppo.rollout": "steps", "ppo.rollout_steps": 64}
+    run_training(small(steps=300, eval_every=0, eval_episodes=1, core=CORE, settings=settings), out=tmp_path / "run")
     trained = load_policy(tmp_path / "run").state_dict()
-    before = load_core("inverted-pendulum-v1").network(0).state_dict()
+    before = load_core(CORE).network(0).state_dict()
     names = ("body.0.weight", "body.2.weight")
     assert [not torch.equal(trained[f"core.{name}"], before[name]) for name in names] == [moves] * 2
     assert trained["output_adapter.weight"].abs().sum() > 0
 
 
-def test_evaluation_episodes_depend_on_their_number_alone():
-    whole = evaluate(ZeroPolicy(1), "InvertedDoublePendulum-v5", episodes=12, seed=3)
-    assert evaluate(ZeroPolicy(1), "InvertedDoublePendulum-v5", episodes=5, seed=3).returns == whole.returns[:5]
-    assert evaluate(ZeroPolicy(1), "InvertedDoublePendulum-v5", episodes=5, seed=4).returns != whole.returns[:5]
-    assert whole.row()["return_low"] < whole.mean < whole.row()["return_high"]
+def test_the_callers_threads_are_as_they_were(tmp_path):
+    torch.set_num_threads(2)
+    try:
+        run_training(small(steps=100, eval_every=0), out=tmp_path / "run")
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(1)
+
+
+def test_train_does_what_the_same_configuration_does(tmp_path):
+    config = small(steps=300)
+    run_training(config, out=tmp_path / "run")
+    policy = scratch_policy(config.env)
+    result = train(
+        policy, config.env, Budget(steps=300), settings=PPO, eval_episodes=2, eval_every=400, out=tmp_path / "trained"
+    )
+    assert result.run_dir == str(tmp_path / "trained")
+    assert_same_run(tmp_path / "run", tmp_path / "trained")
+    assert torch.equal(policy.network.mean_head.weight, load_policy(tmp_path / "run").network.mean_head.weight)  # in place
+
+
+def test_train_takes_an_environment_of_your_own_and_a_preset(tmp_path):
+    policy = scratch_policy(Counter(5))
+    result = train(policy, lambda: Counter(5), Budget(episodes=4), preset="paper", eval_episodes=1, out=tmp_path / "run")
+    assert (result.episodes, result.steps, result.eval_return_mean, result.preset) == (4, 20, 5.0, "paper-v1")
+    with pytest.raises(ConfigError, match=r"takes 2 observations and 1 actions, environment Hopper-v5 has 11 and 3"):
+        train(policy, "Hopper-v5", Budget(episodes=1), out=tmp_path / "other")
+    with pytest.raises(SettingError, match=r"ppo\.gamma=2\.0 must be at least 0 and at most 1"):
+        train(policy, "Hopper-v5", Budget(episodes=1), settings={"ppo.gamma": 2.0}, out=tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+def test_actions_reach_the_environment_clipped_or_not_as_the_preset_says(tmp_path):
+    seen = []
+
+    class Watched(Counter):
+        def step(self, action):
+            seen.append(abs(float(action[0])))
+            return super().step(action)
+
+    network = NetworkConfig(init_std=2.0)
+    for clip in (True, False):
+        seen.clear()
+        policy = scratch_policy(Counter(5), network)
+        settings = {"env_config.clip_actions": clip}
+        train(policy, lambda: Watched(5), Budget(steps=64), settings=settings, eval_episodes=1, out=tmp_path / str(clip))
+        assert (max(seen) <= 1.0) == clip
+
+
+def test_a_device_that_is_not_there_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match=r"device 'cuda:77' cannot be used .*; use device=cpu"):
+        run_training(small(device="cuda:77"), out=tmp_path / "run")
+    assert not (tmp_path / "run").exists()

@@ -7,11 +7,11 @@ import time
 
 import pytest
 
-from transferkit.run.workers import _held_interrupts
+from transferkit.workers import _held_interrupts
 
 PARENT = """
 import os, sys, time
-from transferkit.run.workers import import_beside, worker_pool
+from transferkit.workers import import_beside, worker_pool
 
 def has_it():
     return "colorsys" in sys.modules

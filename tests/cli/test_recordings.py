@@ -1,80 +1,57 @@
-"""Policies as ONNX files, and each command of recordings run for real."""
+"""Each command of recordings, run for real."""
 
-import json
-
-import gymnasium
-import numpy as np
-import onnxruntime
 import pytest
 
-from transferkit.cli.main import main
-from transferkit.deploy import export_onnx, load_subject
-from transferkit.errors import ConfigError
-from transferkit.evaluation import evaluate
+from tests.cli.commands import run, run_json
+
+CORE = "inverted-pendulum-v1"
 
 
-def test_an_exported_policy_plays_the_bare_environment(tmp_path):
-    subject = load_subject("inverted-pendulum-v1")
-    assert export_onnx(subject, tmp_path / "policy.onnx") < 1e-4
-    session = onnxruntime.InferenceSession(tmp_path / "policy.onnx")
-    about = session.get_modelmeta().custom_metadata_map
-    assert json.loads(about["observation_names"])[0] == "slide_x_position"
-    assert json.loads(about["action_high"]) == [3.0]
-    env = gymnasium.make("InvertedPendulum-v5")  # not ours: controls in newtons, float64 observations
-    observation, _ = env.reset(seed=1)
-    total, done = 0.0, False
-    while not done:
-        (action,) = session.run(["action"], {"observation": observation[None].astype(np.float32)})
-        assert np.abs(action).max() <= 3.0
-        observation, reward, terminated, truncated, _ = env.step(action[0])
-        total, done = total + reward, terminated or truncated
-    assert total == 1000
-    assert evaluate(subject.policy, "InvertedPendulum-v5", episodes=1).mean == 1000
-    with pytest.raises(ConfigError, match="exists"):
-        export_onnx(subject, tmp_path / "policy.onnx")
-
-
-def run(capsys, *arguments):
-    code = main(list(map(str, arguments)))
-    output = capsys.readouterr()
-    return code, output.out, output.err
-
-
-def test_commands(capsys, tmp_path):
+def test_a_recording_is_made_checked_drawn_mended_and_learnt_from(capsys, tmp_path):
     file, out = tmp_path / "run.mcap", tmp_path / "run"
-    train = ["train", "--env", "InvertedDoublePendulum-v5", "--core", "inverted-pendulum-v1", "--algo", "dyna-ddpg"]
-    small = ["--steps", 200, "--eval-episodes", 1, "--dyna.updates-per-step", 1, "--eval-every", 100, "--record", "every=2"]
-    assert run(capsys, *train, *small, "--out", out)[0] == 0
+    train = ["train", "--env", "InvertedDoublePendulum-v5", "--core", CORE, "--algo", "dyna-ddpg"]
+    small = ["--steps", 200, "--eval-episodes", 1, "--dyna.updates-per-step", 1]
+    assert run(capsys, *train, *small, "--eval-every", 100, "--record", "every=2", "--out", out)[0] == 0
     assert {path.name for path in (out / "recordings").iterdir()} == {"step_0.mcap", "step_200.mcap"}
-    code, text, _ = run(capsys, "record", out, "--episodes", 2, "--out", file, "--json")
-    assert code == 0
-    assert len(json.loads(text)["episodes"]) == 2
+    assert len(run_json(capsys, "record", out, "--episodes", 2, "--out", file)["episodes"]) == 2
     assert run(capsys, "replay", file, "--check")[1].endswith("reproduced to the bit\n")
     assert run(capsys, "plot", file)[0] == 0
     assert (tmp_path / "run.png").stat().st_size > 10_000
     file.write_bytes(file.read_bytes()[:-20])
     assert "was cut" in run(capsys, "recover", file)[1]
     assert run(capsys, "replay", tmp_path / "run.recovered.mcap", "--check")[0] == 0
-    assert run(capsys, *train, *small[:6], "--experience", file, "--out", tmp_path / "again")[0] == 0
+    assert run(capsys, *train, *small, "--experience", file, "--out", tmp_path / "again")[0] == 0
+
+
+def test_a_core_becomes_a_file_and_a_dataset(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "minari"))
+    assert run_json(capsys, "export", CORE, "--member", 1, "--out", tmp_path / "x.onnx")["difference"] < 1e-4
+    assert (tmp_path / "x.onnx").exists()
+    recorded = run_json(capsys, "record", CORE, "--env", "Hopper-v5", "--out", tmp_path / "x.mcap")
+    found = run_json(capsys, "export", tmp_path / "x.mcap", "--minari", "hopper/mine-v0")
+    assert found == {"dataset": "hopper/mine-v0", "steps": recorded["episodes"][0]["steps"]}
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("record", "nothing-v1", "--out", "x.mcap"), "unknown core 'nothing-v1'"),
-        (("record", "inverted-pendulum-v1", "--episodes", "0", "--out", "x.mcap"), "must be at least 1"),
-        (("replay", "nothing.mcap"), "cannot read nothing.mcap"),
-        (("recover", "nothing.mcap"), "cannot read nothing.mcap"),
-        (("plot", "nothing.mcap"), "cannot read nothing.mcap"),
-        (("export", "a", "b", "--out", "x.onnx"), "export them one by one"),
-        (("train", "--env", "Hopper-v5", "--steps", "9", "--record", "always"), "must be every=N"),
-        (("train", "--env", "Hopper-v5", "--steps", "9", "--experience", "x.mcap"), "pass --algo dyna-ddpg"),
+        pytest.param("record nothing-v1 --out x.mcap", "unknown core 'nothing-v1'", id="core"),
+        pytest.param("record inverted-pendulum-v1 --episodes 0 --out x.mcap", "--episodes=0 must be at least 1", id="episodes"),
+        pytest.param("record inverted-pendulum-v1 --out no/x.mcap", "choose an --out in a folder that exists", id="folder"),
+        pytest.param("replay nothing.mcap", "cannot read nothing.mcap: No such file", id="replay"),
+        pytest.param("replay nothing.mcap --video x.gif", "ending of x.gif='.gif' must be .mp4", id="video"),
+        pytest.param("recover nothing.mcap", "cannot read nothing.mcap: No such file", id="recover"),
+        pytest.param("plot nothing.mcap", "cannot read nothing.mcap: No such file", id="plot"),
+        pytest.param("export a b --out x.onnx", "2 policies do not fit into one file; export them one by one", id="export"),
+        pytest.param("train --env Hopper-v5 --steps 9 --record always", "--record='always' must be every=N", id="record"),
+        pytest.param("train --env Hopper-v5 --steps 9 --experience x.mcap", "use --algo dyna-ddpg", id="experience"),
     ],
 )
 def test_mistakes_are_one_line(capsys, tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
-    code, _, err = run(capsys, *arguments)
+    code, out, err = run(capsys, *arguments.split())
     assert code == 2
     assert message in err
     assert err.count("\n") == 1
+    assert out == ""
     assert not list(tmp_path.iterdir())

@@ -15,8 +15,9 @@ def test_unknown_names_get_a_suggestion():
 
 @pytest.mark.parametrize("env_id", ["CartPole-v1", "Taxi-v4"])
 def test_discrete_spaces_are_refused(env_id):
-    with pytest.raises(EnvironmentContractError, match="transferkit envs list"):
+    with pytest.raises(EnvironmentContractError, match=r"space of .*=Discrete\(.*\) must be a flat") as error:
         make_env(env_id)
+    assert error.value.topic == "environments"  # the command line knows where they are listed
 
 
 def test_images_and_unbounded_actions_are_refused():
@@ -24,11 +25,13 @@ def test_images_and_unbounded_actions_are_refused():
         observation_space = gymnasium.spaces.Box(0, 255, (8, 8, 3), np.uint8)
         action_space = gymnasium.spaces.Box(-1, 1, (1,))
 
-    with pytest.raises(EnvironmentContractError, match="observations Box"):
+    with pytest.raises(EnvironmentContractError, match=r"observation space of Pixels=Box\(0, 255, .* must be a flat Box$"):
         make_env(Pixels())
     Pixels.observation_space = gymnasium.spaces.Box(-1, 1, (3,))
     Pixels.action_space = gymnasium.spaces.Box(-np.inf, np.inf, (1,))
-    with pytest.raises(EnvironmentContractError, match="unbounded"):
+    with pytest.raises(
+        EnvironmentContractError, match=r"action space of Pixels=Box\(-inf, inf, .* must be a flat and bounded Box$"
+    ):
         make_env(Pixels())
 
 

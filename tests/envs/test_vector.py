@@ -1,28 +1,9 @@
-import gymnasium
 import numpy as np
 import pytest
 
+from tests.toys import Counter
 from transferkit.envs import VectorEnv, make_env
 from transferkit.errors import NotFiniteError
-
-
-class Counter(gymnasium.Env):
-    """Observes its seed and its step; ends by itself after `length` steps."""
-
-    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (2,))
-    action_space = gymnasium.spaces.Box(-1, 1, (1,))
-
-    def __init__(self, length, bad_at=None):
-        self.length, self.bad_at = length, bad_at
-
-    def reset(self, *, seed=None, options=None):
-        self.seed, self.t = seed, 0
-        return np.array([self.seed, 0], np.float32), {}
-
-    def step(self, action):
-        self.t += 1
-        reward = float("nan") if self.t == self.bad_at else 1.0
-        return np.array([self.seed, self.t], np.float32), reward, self.t == self.length, False, {}
 
 
 def make(*lengths):
@@ -42,8 +23,8 @@ def test_a_budget_can_end_between_two_environments():
     envs = make(5, 5, 5)
     envs.reset()
     booked = []
-    step = envs.step(np.zeros((3, 1), np.float32), lambda i, *_: booked.append(i) or i == 1)
-    assert booked == [0, 1]
+    step = envs.step(np.zeros((3, 1), np.float32), lambda i, reward, **ends: booked.append((i, reward, ends)) or i == 1)
+    assert booked == [(i, 1.0, {"terminated": False, "truncated": False}) for i in (0, 1)]
     assert len(step.reward) == 2
     assert [env.unwrapped.t for env in envs.envs] == [1, 1, 0]
 

@@ -4,20 +4,17 @@ import numpy as np
 import pytest
 import torch
 
+from tests.toys import Counter
 from transferkit import load_core, wrap
-from transferkit.envs import derive_spec
-from transferkit.errors import ConfigError, DimensionError
-from transferkit.nn import Architecture, Linear, PolicyNet
-from transferkit.policy import build, health, match
+from transferkit.config import NetworkConfig, TrainConfig
+from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
 from transferkit.policy.core import Core
-from transferkit.run.streams import Streams
+from transferkit.policy.make import new_policy, scratch_policy
+from transferkit.policy.paper import PaperSandwich
+from transferkit.policy.saved import build
+from transferkit.streams import Streams
 
 IDP, CARTPOLE = "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
-
-
-@pytest.fixture(scope="module")
-def specs():
-    return {name: derive_spec(name) for name in ("InvertedPendulum-v5", IDP, CARTPOLE, "Hopper-v5", "Pendulum-v1")}
 
 
 def test_a_matched_policy_acts_as_the_core_would_in_the_similar_state(untrained_core, specs):
@@ -32,32 +29,9 @@ def test_a_matched_policy_acts_as_the_core_would_in_the_similar_state(untrained_
         torch.testing.assert_close(policy(observation)[0], expected, rtol=1e-4, atol=1e-5)
 
 
-def test_the_way_back_turns_an_angle_into_its_sine_and_cosine(specs):
-    found = match(specs[CARTPOLE], specs["InvertedPendulum-v5"])
-    assert found.form == ("linear", "cos", "sin", "linear", "linear")
-    assert found.scale == pytest.approx(5 / 3, rel=1e-4)
-
-
-def test_what_cannot_be_matched_is_said(untrained_core, specs):
-    text = wrap(untrained_core, specs[IDP]).describe()
-    assert "atan2(hinge_y.sin, hinge_y.cos)" in text
-    assert "hinge_y -> hinge_y" in text
-    back = match(specs[IDP], specs["InvertedPendulum-v5"])
-    unmatched = [e.name for e, form in zip(specs[IDP].observation, back.form, strict=True) if form == "none"]
-    assert unmatched == ["hinge_y2.sin", "hinge_y2.cos", "hinge_y2.velocity", "observation[8]"]
-
-
-def test_hanging_is_not_upright(specs):
-    """Pendulums only match where the load rests on the same side of the hinge."""
-    source = specs["InvertedPendulum-v5"]
-    joints = [j if j.type == "slide" else type(j)(**{**j.__dict__, "rest": (0.0, 0.0, -1.0)}) for j in source.joints]
-    hanging = type(source)(**{**source.__dict__, "joints": tuple(joints)})
-    assert match(source, hanging).joints == {"slide_x": "slide_x"}
-
-
 def test_auto_falls_back_to_random_where_nothing_matches(untrained_core, specs):
     assert "random; nothing is matched" in wrap(untrained_core, specs["Hopper-v5"]).describe()
-    with pytest.raises(ConfigError, match="adapter='random'"):
+    with pytest.raises(ConfigError, match=r"nothing in Hopper-v5 means what .*; use wrap.adapter=random"):
         wrap(untrained_core, specs["Hopper-v5"], adapter="semantic")
 
 
@@ -77,12 +51,12 @@ def test_every_sandwich_is_rebuilt_from_its_blueprint(untrained_core, specs, tap
 
 
 def test_wrapping_leaves_the_core_alone_and_pairs_seeds(untrained_core, specs):
-    before = copy.deepcopy(untrained_core.parts)
+    before = copy.deepcopy(untrained_core.components)
     policy, same, other = (wrap(untrained_core, specs["Hopper-v5"], seed=seed) for seed in (3, 3, 4))
     assert torch.equal(policy.input_adapter.linear.weight, same.input_adapter.linear.weight)
     assert not torch.equal(policy.input_adapter.linear.weight, other.input_adapter.linear.weight)
     torch.nn.init.zeros_(policy.core.mean_head.weight)
-    assert all(torch.equal(t, before[part][n]) for part, ts in untrained_core.parts.items() for n, t in ts.items())
+    assert all(torch.equal(t, before[part][n]) for part, ts in untrained_core.components.items() for n, t in ts.items())
 
 
 def test_staged_unfreezing_and_learning_rates(untrained_core, specs):
@@ -97,67 +71,65 @@ def test_staged_unfreezing_and_learning_rates(untrained_core, specs):
 
 
 @pytest.mark.parametrize(
-    "options", [{"freeze": {"cor": 1.0}}, {"lr_scale": {"cor": 1.0}}, {"tapp": "action"}, {"residual": -1}]
+    ("options", "kind", "message"),
+    [
+        ({"freeze": {"cor": 1.0}}, UnknownNameError, r"unknown part in wrap.freeze 'cor'; did you mean core\?"),
+        ({"lr_scale": {"cor": 1.0}}, UnknownNameError, r"unknown part in wrap.lr_scale 'cor'; did you mean core\?"),
+        ({"tapp": "action"}, UnknownNameError, r"unknown option of wrap 'tapp'; did you mean tap"),
+        ({"residual": -1}, SettingError, "wrap.residual=-1 must be at least 0"),
+        ({"preset": "papr"}, UnknownNameError, "did you mean paper"),
+    ],
+    ids=["frozen part", "slow part", "option", "value", "preset"],
 )
-def test_wrong_options_are_refused(untrained_core, specs, options):
-    with pytest.raises(ConfigError):
+def test_wrong_options_are_refused(untrained_core, specs, options, kind, message):
+    with pytest.raises(kind, match=message):
         wrap(untrained_core, specs[IDP], **options)
 
 
 def test_a_core_whose_card_does_not_fit_is_refused(untrained_core, specs):
-    wrong = Core("x-v1", specs[IDP], untrained_core.architecture, (0, 1), untrained_core.parts)
+    wrong = Core("x-v1", specs[IDP], untrained_core.architecture, (0, 1), untrained_core.components)
     with pytest.raises(DimensionError, match="4 observations and 1 actions, its card says 9 and 1"):
         wrap(wrong, specs[IDP])
 
 
-def paper_core(specs, seed=0):
-    architecture = Architecture(4, 1, (128, 128), "relu", "head")
-    state = PolicyNet(architecture, Streams(seed).torch("core")).state_dict()
-    return Core("paper", specs["InvertedPendulum-v5"], architecture, (0,), {"policy": {n: t[None] for n, t in state.items()}})
+def test_a_scratch_policy_is_the_one_that_a_run_with_its_seed_begins_with():
+    made, same, other = (
+        scratch_policy("Hopper-v5", seed=3),
+        *(new_policy(TrainConfig("Hopper-v5", seed=seed), None) for seed in (3, 4)),
+    )
+    assert all(torch.equal(value, same.state_dict()[name]) for name, value in made.state_dict().items())
+    assert not torch.equal(made.network.body[0].weight, other.network.body[0].weight)
+    assert (made.obs_dim, made.act_dim, made.network.architecture.hidden) == (11, 3, (64, 64))
 
 
-def test_the_paper_sandwich_has_the_papers_parameters_and_layers(specs):
-    """PPOPT on InvertedDoublePendulum: 17,476 parameters; layers recomputed by hand here."""
-    policy = wrap(paper_core(specs), specs[IDP], preset="paper")
-    assert sum(p.numel() for p in policy.parameters()) == 17_476
-    observation = torch.randn(5, 9, generator=Streams(0).torch("x"))
-    x = torch.relu(policy.input_finetune(policy.input_adapter(observation)))
-    h = torch.relu(policy.core.body[2](torch.relu(policy.core.body[0](x))))
-    mean = policy.mean_adapter(torch.relu(policy.output_finetune(policy.core.mean_head(h))))
-    std = torch.relu(policy.output_finetune(policy.core.log_std_head(h).exp()))
-    assert torch.allclose(policy(observation)[0], mean)
-    assert torch.allclose(policy(observation)[1], policy.std_adapter(torch.log(std + 1e-6)))
+def test_a_scratch_policy_has_the_network_that_is_asked_for():
+    network = NetworkConfig(hidden=(8,), init_std=0.3, squash=True, normalize_observation=False)
+    made = scratch_policy(Counter(3), network)
+    mean, log_std = made(torch.full((2, 2), 1e9))
+    assert (made.obs_dim, made.act_dim) == (2, 1)
+    assert mean.abs().max() <= 1
+    torch.testing.assert_close(log_std.exp(), torch.full((2, 1), 0.3))
+    assert made.normalizer is None
 
 
-def test_health_tells_the_papers_sandwich_from_the_default(specs):
-    """The paper's shared ReLU cuts the core off in about two initialisations of five; the default's never does."""
-    core = paper_core(specs)
-    cut_off = [health(wrap(core, specs[IDP], preset="paper", seed=s), IDP, steps=100).core_gradient == 0 for s in range(20)]
-    assert 4 <= sum(cut_off) <= 13
-    sick = health(wrap(core, specs["Hopper-v5"], preset="paper", seed=cut_off.index(False)), "Hopper-v5", steps=100)
-    assert sick.action_rank <= 1
-    assert any("directions" in warning for warning in sick.warnings)
-    for seed in range(5):
-        well = health(wrap(core, specs["Hopper-v5"], seed=seed), "Hopper-v5", steps=100)
-        assert well.core_gradient > 0
-        assert well.action_rank == 3
-        assert (well.std_low, well.std_high) == pytest.approx((0.6, 0.6))
+def test_no_environment_no_policy():
+    with pytest.raises(UnknownNameError, match="did you mean Hopper-v5"):
+        scratch_policy("Hoper-v5")
+    with pytest.raises(EnvironmentContractError, match="must be a flat and bounded Box"):
+        scratch_policy("CartPole-v1")
 
 
-def test_health_tells_actions_that_exploration_cannot_change():
-    """Hanging, the pole is far from what the core has learnt on, so it pushes far beyond full force; upright it is not."""
-    stuck, well = (wrap(load_core("inverted-pendulum-v1"), f"dm_control/cartpole-{task}-v0") for task in ("swingup", "balance"))
-    sick = health(stuck, "dm_control/cartpole-swingup-v0", steps=200)
-    assert sick.saturated > 0.9
-    assert any("outside the limits" in warning for warning in sick.warnings)
-    assert health(well, "dm_control/cartpole-balance-v0", steps=200).saturated < 0.1
+def test_a_run_around_a_core_begins_with_the_presets_sandwich():
+    core = load_core("inverted-pendulum-v1")
+    config = TrainConfig("Hopper-v5", core=core.id, preset="paper", member=2)
+    policy = new_policy(config, core)
+    assert isinstance(policy, PaperSandwich)
+    assert torch.equal(policy.core.mean_head.weight, core.network(2).mean_head.weight)
 
 
-def test_controls_keep_what_they_claim_to_keep(untrained_core):
-    shuffled, random = untrained_core.shuffled(0), untrained_core.randomized(0)
-    name = "body.0.weight"
-    a, b = untrained_core.parts["policy"][name], shuffled.parts["policy"][name]
-    assert not torch.equal(a, b)
-    assert torch.equal(a.flatten(1).sort().values, b.flatten(1).sort().values)
-    assert not torch.equal(a, random.parts["policy"][name])
-    assert isinstance(random.network(1).mean_head, Linear)
+def test_a_constant_policy_is_rebuilt_from_its_blueprint():
+    twin = build({"kind": "constant", "obs_dim": 3, "act_dim": 2})
+    twin.load_state_dict({"bias": torch.tensor([0.5, -0.5]), "log_std": torch.tensor([0.0, 99.0])})
+    mean, log_std = twin(torch.zeros(4, 3))
+    assert mean.tolist() == [[0.5, -0.5]] * 4
+    assert log_std.tolist() == [[0.0, 1.0]] * 4  # bounded

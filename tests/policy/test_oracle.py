@@ -10,7 +10,7 @@ import torch
 from scipy.linalg import solve_discrete_are
 
 from transferkit import load_core, make_env
-from transferkit.run.streams import Streams
+from transferkit.streams import Streams
 
 NUDGE = 1e-5
 

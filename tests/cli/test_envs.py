@@ -1,0 +1,9 @@
+import pytest
+
+from tests.cli.commands import run, run_json
+
+
+def test_envs(capsys):
+    assert "dm_control/walker-walk-v0" in run_json(capsys, "envs", "list")
+    assert run_json(capsys, "envs", "show", "Hopper-v5")["time_step"] == pytest.approx(0.008)
+    assert "drive.slide_x" in run(capsys, "envs", "show", "InvertedPendulum-v5")[1]

@@ -1,0 +1,17 @@
+from tests.cli.commands import run, run_json
+
+FAST = ["--ppo.num-envs", "2", "--ppo.rollout-steps", "64", "--ppo.epochs", "1", "--eval-episodes", "2"]
+
+
+def test_pretrain_refuses_a_core_below_its_threshold_and_writes_a_good_one(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command = ["pretrain", "--env", "InvertedPendulum-v5", "--name", "small", "--steps", "300", "--seeds", "0", *FAST]
+    code, _, err = run(capsys, *command, "--threshold", "950")
+    assert code == 2
+    assert "refused" in err
+    assert not (tmp_path / "zoo/small-v1").exists()
+    code, _, err = run(capsys, *command, "--threshold", "950", "--eval-every", "100", "--stop-at", "900")
+    assert (code, "--stop-at=900.0 must be at least the threshold 950" in err) == (2, True)
+    line = run_json(capsys, *command, "--threshold", "1")
+    assert line["id"] == "small-v1"
+    assert "verify" not in run(capsys, "zoo", "verify", "zoo/small-v1", "--rollout")[2]

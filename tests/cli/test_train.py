@@ -1,0 +1,84 @@
+import signal
+import subprocess
+import sys
+import time
+
+import matplotlib.pyplot as plt
+import pytest
+
+from tests.cli.commands import run, run_json
+
+CORE = "inverted-pendulum-v1"
+SMALL = {
+    "dyna-ddpg": ["--dyna.updates-per-step", "1", "--dyna.batch-size", "32", "--dyna.model-share", "0.5"],
+    "dyna-ppo": ["--dyna-ppo.updates", "1"],
+}
+FAST = ["--ppo.num-envs", "2", "--ppo.rollout-steps", "64", "--ppo.epochs", "1", "--eval-episodes", "2"]
+
+
+def test_train_and_eval(capsys, tmp_path):
+    out = str(tmp_path / "run")
+    command = ["train", "--env", "InvertedDoublePendulum-v5", "--core", "inverted-pendulum-v1", "--steps", "200", *FAST]
+    result = run_json(capsys, *command, "--out", out)
+    assert result["steps"] == 200
+    assert result["run_dir"] == out
+    assert result["core"] == "inverted-pendulum-v1"
+    assert list((tmp_path / "run/tensorboard").iterdir())
+    again = run_json(capsys, "eval", out, "--episodes", "2")
+    assert again["return_mean"] == result["eval_return_mean"]
+    code, _, err = run(capsys, *command, "--out", out)
+    assert code == 2
+    assert "in use" in err
+    code, _, err = run(capsys, *command, "--out", out, "--seed", "1", "--resume")
+    assert code == 2
+    assert "seed is 0 there and 1 here" in err
+    assert run_json(capsys, *command, "--out", out, "--resume") == result
+
+
+@pytest.mark.parametrize("algo", ["dyna-ddpg", "dyna-ppo"])
+def test_train_with_a_model_and_plot(capsys, tmp_path, algo):
+    out = str(tmp_path / "run")
+    small = ["--model.updates", "5", *SMALL[algo]]
+    command = ["train", "--env", "InvertedDoublePendulum-v5", "--core", CORE, "--algo", algo, "--steps", "510", "--out", out]
+    result = run_json(capsys, *command, *small, "--eval-episodes", "2")
+    assert (result["algo"], result["steps"]) == (algo, 510)
+    assert (tmp_path / "run/model.csv").read_text().count("\n") == 2
+    picture = run_json(capsys, "plot", out)["picture"]
+    assert plt.imread(picture).std() > 0.01
+    code, _, err = run(capsys, "plot", str(tmp_path))
+    assert code == 2
+    assert "run.json" in err
+
+
+def test_the_paper_preset(capsys, tmp_path):
+    command = ["train", "--preset", "paper", "--env", "Hopper-v5", "--core", "inverted-pendulum-v1", "--episodes", "3"]
+    result = run_json(capsys, *command, "--eval-episodes", "1", "--out", str(tmp_path / "run"))
+    assert (result["preset"], result["episodes"]) == ("paper-v1", 3)
+
+
+def test_a_command_that_is_killed_and_interrupted_goes_on_to_the_same_numbers(capsys, tmp_path):
+    short = ["--steps", "6000", "--eval-episodes", "2", "--checkpoint-seconds", "0.1"]
+    train = ["train", "--env", "InvertedPendulum-v5", *short]
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    expected = run_json(capsys, *train, "--out", whole)
+    command = [sys.executable, "-m", "transferkit", *train, "--out", str(cut), "--resume", "--json"]
+    for how, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)):
+        before = written(cut)
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        while written(cut) == before:
+            assert process.poll() is None
+            time.sleep(0.02)
+        process.send_signal(how)
+        err = process.communicate()[1]
+        assert process.returncode == code
+    assert "Traceback" not in err
+    assert err.splitlines()[-1].endswith("the same call goes on with --resume")
+    found = run_json(capsys, *train, "--out", cut, "--resume")
+    assert found | {"seconds": 0, "run_dir": ""} == expected | {"seconds": 0, "run_dir": ""}
+    assert (cut / "policy.safetensors").read_bytes() == (whole / "policy.safetensors").read_bytes()
+
+
+def written(run):
+    """When the last checkpoint was."""
+    checkpoint = run / "checkpoint.safetensors"
+    return checkpoint.stat().st_mtime_ns if checkpoint.exists() else None

@@ -1,0 +1,84 @@
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import pytest
+
+from transferkit.config.checks import Range, check
+from transferkit.errors import SettingError
+
+
+@pytest.mark.parametrize(
+    ("allowed", "inside", "outside", "words"),
+    [
+        pytest.param(Range(1), (1, 1.5, 1e9), (0, 0.999, math.inf, math.nan), "at least 1", id="a lower end"),
+        pytest.param(Range(0, open_low=True), (1e-9, 5), (0, -1), "above 0", id="an open lower end"),
+        pytest.param(Range(high=2), (2, -1e9), (2.1, -math.inf), "at most 2", id="an upper end"),
+        pytest.param(Range(0, 1), (0, 0.5, 1), (-0.1, 1.1), "at least 0 and at most 1", id="both ends"),
+        pytest.param(Range(0, 1, open_high=True), (0, 0.99), (1, 2), "at least 0 and below 1", id="an open upper end"),
+    ],
+)
+def test_a_range_holds_finite_numbers_up_to_its_ends_and_says_so(allowed, inside, outside, words):
+    assert [number in allowed for number in (*inside, *outside)] == [True] * len(inside) + [False] * len(outside)
+    assert str(allowed) == words
+
+
+@dataclass(frozen=True)
+class Sample:
+    whole: int = 1
+    number: float = 1.0
+    flag: bool = True
+    text: str = ""
+    count: Annotated[int, Range(1)] = 1
+    perhaps: Annotated[float, Range(0)] | None = None
+    choice: Literal["adam", "sgd"] = "adam"
+    several: tuple[Annotated[int, Range(1)], ...] = (1,)
+    table: Mapping[str, float] = field(default_factory=dict)
+    other: object = None
+    """Not checked: it has no type of a setting."""
+
+
+@pytest.mark.parametrize(
+    "fits",
+    [
+        {"number": 1},
+        {"perhaps": None},
+        {"perhaps": 0},
+        {"several": ()},
+        {"several": (1, 2)},
+        {"table": {"a": 1}},
+        {"other": []},
+    ],
+    ids=str,
+)
+def test_what_fits_its_annotation_passes(fits):
+    check(Sample(**fits))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "wanted"),
+    [
+        ("whole", 1.0, "a whole number"),
+        ("whole", True, "a whole number"),
+        ("number", "1", "a number"),
+        ("number", False, "a number"),
+        ("flag", 1, "true or false"),
+        ("text", None, "a text"),
+        ("count", 0, "at least 1"),
+        ("count", "many", "a whole number"),
+        ("perhaps", -0.5, "at least 0"),
+        ("perhaps", float("nan"), "at least 0"),
+        ("choice", "adm", "adam or sgd; did you mean adam?"),
+        ("choice", 3, "adam or sgd"),
+        ("several", [1], "several, each a whole number"),
+        ("several", (0,), "several, each at least 1"),
+        ("table", None, "a table of names and values"),
+    ],
+    ids=lambda value: str(value)[:20],
+)
+def test_what_does_not_fit_names_the_setting_the_value_and_what_is_allowed(name, value, wanted):
+    with pytest.raises(SettingError) as caught:
+        check(Sample(**{name: value}), "part")
+    error = caught.value
+    assert (error.what, error.value, error.allowed) == (f"part.{name}", pytest.approx(value, nan_ok=True), wanted)

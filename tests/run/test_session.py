@@ -1,0 +1,111 @@
+import numpy as np
+import pytest
+
+from transferkit.budget import Budget
+from transferkit.run import EpisodeRow, EvaluationRow, RunDirectory, Schedule, Session, load_state, read_table
+
+TEN = Budget(steps=10)
+SCORES = {"return_mean": 4.0, "return_std": 1.0, "return_low": 3.0, "return_high": 5.0, "n": 2}
+
+
+@pytest.fixture
+def session(tmp_path):
+    """Makes sessions of one environment, in a directory of their own, with evaluations that score what they are told."""
+    made = []
+
+    def make(budget=TEN, num_envs=1, scores=(), **schedule):
+        directory = RunDirectory.create(tmp_path / str(len(made)), {})
+        made.append(directory)
+        means = iter(scores)
+        evaluate = lambda _: SCORES | {"return_mean": next(means, 4.0)}  # noqa: E731
+        return Session(directory, budget, num_envs, evaluate=evaluate, schedule=Schedule(**schedule))
+
+    yield make
+    for directory in made:
+        directory.close()
+
+
+def step(session, index=0, reward=1.0, *, terminated=False, truncated=False):
+    return session.count(index, reward, terminated=terminated, truncated=truncated)
+
+
+def update(session, **metrics):
+    session.after_update(metrics, dict)
+
+
+def test_steps_and_episodes_of_each_environment_are_booked(session):
+    made = session(num_envs=2)
+    with made.running():
+        for index, reward, ends in ((0, 1.0, {}), (1, 5.0, {}), (0, 2.0, {"terminated": True}), (1, -1.0, {"truncated": True})):
+            step(made, index, reward, **ends)
+    columns = ("episode", "env_index", "return", "length", "terminated", "steps")
+    rows = [[row[name] for name in columns] for row in read_table(made.directory.path, EpisodeRow)]
+    assert rows == [[1, 0, 3.0, 2, 1, 3], [2, 1, 4.0, 2, 0, 4]]
+    assert (made.spent.episodes, made.spent.steps) == (2, 4)
+
+
+def test_the_budget_is_reached_at_its_very_step(session):
+    made = session(Budget(steps=3, episodes=9))
+    with made.running():
+        assert [step(made) for _ in range(3)] == [False, False, True]
+    assert made.progress == 1.0
+    assert made.step_progress == 1.0
+
+
+def test_an_evaluation_is_due_once_in_every_interval_and_done_once_at_a_step(session):
+    made, evaluated = session(Budget(steps=100), eval_every=4), []
+    with made.running():
+        for _ in range(3):
+            for _ in range(3):
+                step(made)
+            update(made)
+            evaluated.append(made.evaluations)
+        assert made.evaluate() == made.evaluate()
+    assert evaluated == [0, 1, 2]  # at 3, 6 and 9 steps
+    assert [row["steps"] for row in read_table(made.directory.path, EvaluationRow)] == [6, 9]
+
+
+def test_an_evaluation_that_is_good_enough_ends_the_run_but_not_the_first(session):
+    made = session(Budget(steps=100), scores=(9.0, 1.0, 5.0), eval_every=2, stop_at=5.0)
+    with made.running():
+        made.evaluate()
+        progress = []
+        for _ in range(2):
+            step(made)
+            step(made)
+            update(made)
+            progress.append(made.progress)
+    assert progress == [0.02, 1.0]
+
+
+def test_what_is_spent_and_scored_goes_on_from_a_checkpoint(session):
+    made = session(num_envs=2, eval_every=2)
+    with made.running():
+        step(made, 0, 1.0, terminated=True)
+        step(made, 1, 2.0)
+        update(made)
+        made.checkpoint({})
+    again = session(num_envs=2, eval_every=2)
+    again.restore(load_state(made.directory.path / "checkpoint.safetensors")["session"])
+    with again.running():
+        assert again.evaluate()["return_mean"] == 4.0
+        assert again.evaluations == 1  # at this step it was done before
+        step(again, 1, 3.0, truncated=True)
+    (row,) = read_table(again.directory.path, EpisodeRow)
+    assert [row[name] for name in ("episode", "return", "length", "steps")] == [2, 5.0, 2, 3]
+    assert again.spent.seconds >= made.spent.seconds
+
+
+def test_progress_shows_the_mean_of_the_last_returns(tmp_path):
+    seen = []
+    with RunDirectory.create(tmp_path / "run", {}) as directory:
+        made = Session(
+            directory, Budget(steps=99), 1, evaluate=lambda _: SCORES, report=lambda spent, metrics: seen.append(dict(metrics))
+        )
+        with made.running():
+            update(made, loss=0.5)
+            for reward in range(60):
+                step(made, reward=float(reward), terminated=True)
+            update(made, loss=0.25)
+    assert seen == [{"loss": 0.5}, {"loss": 0.25, "recent_return": np.mean(range(10, 60))}]
+    assert list((tmp_path / "run/tensorboard").iterdir())

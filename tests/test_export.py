@@ -1,0 +1,30 @@
+import json
+
+import gymnasium
+import numpy as np
+import onnxruntime
+import pytest
+
+from transferkit import evaluate, export_onnx, load_subject
+from transferkit.errors import ConfigError
+
+
+def test_an_exported_policy_plays_the_bare_environment(tmp_path):
+    subject = load_subject("inverted-pendulum-v1")
+    assert export_onnx(subject, tmp_path / "policy.onnx") < 1e-4
+    session = onnxruntime.InferenceSession(tmp_path / "policy.onnx")
+    about = session.get_modelmeta().custom_metadata_map
+    assert json.loads(about["observation_names"])[0] == "slide_x_position"
+    assert json.loads(about["action_high"]) == [3.0]
+    env = gymnasium.make("InvertedPendulum-v5")  # not ours: controls in newtons, float64 observations
+    observation, _ = env.reset(seed=1)
+    total, done = 0.0, False
+    while not done:
+        (action,) = session.run(["action"], {"observation": observation[None].astype(np.float32)})
+        assert np.abs(action).max() <= 3.0
+        observation, reward, terminated, truncated, _ = env.step(action[0])
+        total, done = total + reward, terminated or truncated
+    assert total == 1000
+    assert evaluate(subject.policy, "InvertedPendulum-v5", episodes=1).mean == 1000
+    with pytest.raises(ConfigError, match="exists; choose another out"):
+        export_onnx(subject, tmp_path / "policy.onnx")
