@@ -12,11 +12,11 @@ from typing import Any
 import jinja2
 from plotly.offline import get_plotlyjs
 
-from experiments.arms import ZERO_ACTION
-from experiments.report.data import Group, Matrix
-from experiments.report.runs import AXES, EVALUATIONS, WINDOWS, Arm
+from experiments.matrix.arms import ZERO_ACTION
+from experiments.report.comparisons import Group, Matrix
+from experiments.report.curves import AXES, EVALUATIONS, WINDOWS, Arm
 from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows
-from experiments.verdict import NEGATIVE, NONE, POSITIVE
+from experiments.report.verdict import NEGATIVE, NONE, POSITIVE
 from transferkit.run.files import write_atomically
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")

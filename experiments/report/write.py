@@ -6,11 +6,11 @@ import sys
 import time
 from pathlib import Path
 
-from experiments.report.data import load_matrix
+from experiments.report.comparisons import load_matrix
 from experiments.report.page import write_page
-from experiments.report.pictures import draw_all
+from experiments.report.figures import draw_all
 from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows, verdict_rows
-from experiments.rows import write_csv
+from experiments.matrix.table import write_csv
 from transferkit.errors import RunDirectoryError
 
 TABLES = ("runs", "arms", "verdicts", "aggregates", "curves", "paper_measures")

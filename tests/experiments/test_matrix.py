@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 from experiments import matrix, plan, running
-from experiments.cells import ERROR, EVALUATIONS, MEASURED, folder
-from experiments.grid import Grid, Trainer
-from experiments.grid_file import load_cells
-from experiments.rows import KNOWN, TABLE, collect, ended, write_csv
+from experiments.matrix.cell_folder import ERROR, EVALUATIONS, MEASURED, folder
+from experiments.matrix.grid import Grid, Trainer
+from experiments.matrix.grid_toml import load_cells
+from experiments.matrix.table import KNOWN, TABLE, collect, ended, write_csv
 from transferkit.errors import TransferkitError
 
 DOCS = Path(__file__).parents[2] / "docs" / "experiments.md"

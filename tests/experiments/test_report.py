@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
 
-from experiments.cells import CELLS, SET_ASIDE, finished, problems, set_damaged_aside
-from experiments.grid_file import load_cells
+from experiments.matrix.cell_folder import CELLS, SET_ASIDE, finished, problems, set_damaged_aside
+from experiments.matrix.grid_toml import load_cells
 from experiments.report.__main__ import main
-from experiments.report.data import Group, load_matrix
-from experiments.report.runs import Arm, running_mean
+from experiments.report.comparisons import Group, load_matrix
+from experiments.report.curves import Arm, running_mean
 from experiments.report.tables import arm_rows, curve_rows, verdict_rows
 from experiments.report.write import report
-from experiments.rows import KNOWN, collect
-from experiments.running import run_cell
-from experiments.verdict import paired
+from experiments.matrix.table import KNOWN, collect
+from experiments.matrix.runner import run_cell
+from experiments.report.verdict import paired
 from transferkit.errors import RunDirectoryError
 
 GRID = """
