@@ -13,16 +13,13 @@ import torch
 from torch import nn
 
 from transferkit.config import TrainConfig
-from transferkit.policy import ConstantPolicy, Policy
-from transferkit.policy.core import Core
-from transferkit.policy.health import play
-from transferkit.trained import new_policy
+from transferkit.policy import ConstantPolicy, Core, Policy, new_policy, play
 
 PROBE_STEPS = 500
 """Random steps in the target that measure the scale of a policy's actions."""
 
 Arm = Callable[[TrainConfig, Core], tuple[TrainConfig, Policy]]
-"""Of the transfer's configuration and its core: the arm's configuration and its untrained policy."""
+"""From the transfer's configuration and its core to the arm's configuration and its untrained policy."""
 
 
 def transfer(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
@@ -40,21 +37,19 @@ def scratch_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Polic
     """No core, and layers of the width at which the parameters are as many as the transfer's."""
     wanted = count_parameters(new_policy(config, core))
 
-    def of_width(width: int) -> tuple[TrainConfig, Policy]:
-        ppo = replace(config.ppo, hidden=(width, width))
-        sized = replace(config, core=None, ppo=ppo, dyna=replace(config.dyna, hidden=(width, width)))
-        return sized, new_policy(sized, None)
+    def with_width(width: int) -> tuple[TrainConfig, Policy]:
+        return scratch(replace(config, network=replace(config.network, hidden=(width, width))))
 
     low, high = 1, 4096
     while high - low > 1:
         middle = (low + high) // 2
-        low, high = (middle, high) if count_parameters(of_width(middle)[1]) <= wanted else (low, middle)
-    return of_width(low)
+        low, high = (middle, high) if count_parameters(with_width(middle)[1]) <= wanted else (low, middle)
+    return with_width(low)
 
 
 def random_core(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
     """A core of the same architecture, freshly initialised; it explores as training from scratch does."""
-    return transfer(config, core.randomized(config.seed, init_std=config.ppo.init_std))
+    return transfer(config, core.randomized(config.seed, init_std=config.wrap.init_std))
 
 
 def random_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
@@ -88,11 +83,11 @@ def frozen_random(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]
 def constant(config: TrainConfig) -> tuple[TrainConfig, Policy]:
     """A Gaussian that does not see the observation."""
     config, policy = scratch(config)
-    return config, ConstantPolicy(policy.obs_dim, policy.act_dim, init_std=config.ppo.init_std)
+    return config, ConstantPolicy(policy.obs_dim, policy.act_dim, init_std=config.network.init_std)
 
 
 def padded(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
-    """The core on the target's first observations and actions, zeros for what lacks, in place of adapters."""
+    """The core on the target's first observations and actions, zeros for what is missing, instead of adapters."""
     config = with_frozen(config, "input_adapter", "output_adapter")
     return transfer(replace(config, wrap=replace(config.wrap, adapter="pad")), core)
 
@@ -113,8 +108,8 @@ WITHOUT_CORE: dict[str, Callable[[TrainConfig], tuple[TrainConfig, Policy]]] = {
 WITHOUT_MEMBER = (*WITHOUT_CORE, "scratch-matched")
 """The same for every member of a core, so run once for all of them."""
 
-ZERO_ACTION = "zero-action"
-UNTRAINED = (ZERO_ACTION, "random-action")
+ZERO_ACTION, RANDOM_ACTION = "zero-action", "random-action"
+UNTRAINED = (ZERO_ACTION, RANDOM_ACTION)
 """Evaluated and never trained; the same for every trainer too."""
 
 
@@ -129,7 +124,7 @@ def count_parameters(policy: Policy) -> int:
 
 
 def last_layer(policy: Policy) -> nn.Module:
-    """What makes the mean action, in the default sandwich or in the paper's."""
+    """The layer that makes the mean action, in the default sandwich or in the paper's."""
     parts = policy.parts()
     found = parts.get("output_adapter", parts.get("mean_adapter"))
     assert isinstance(found, nn.Module)

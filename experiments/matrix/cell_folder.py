@@ -1,4 +1,4 @@
-"""A matrix on disk: a folder `cells/<hash of its configuration>` for every run, what is in it, and what is wrong with it."""
+"""A run of a matrix on disk: the folder `cells/<id>`, what is in it, and the row that it gives."""
 
 from __future__ import annotations
 
@@ -6,39 +6,40 @@ import csv
 import functools
 import itertools
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.matrix.arms import ZERO_ACTION
-from experiments.matrix.grid import Cell, identify
-from transferkit.errors import RunDirectoryError
-from transferkit.run.directory import ALWAYS, CHECKPOINT, POLICY, RECORD, RESULT, TABLES, read_json
-from transferkit.run.files import check_state, write_atomically
+from experiments.matrix.grid import Cell
+from experiments.matrix.table import NAN, VERSIONS, Row
+from transferkit.config import TrainConfig
+from transferkit.errors import RunDirectoryError, TransferkitError
+from transferkit.files import read_json, write_atomically
+from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT
+from transferkit.run.state_file import check_state
+from transferkit.run.tables import ALWAYS
 
-CELL, ERROR = "cell.json", "error.txt"
-EVALUATIONS = "evaluations.csv"
 CELLS, SET_ASIDE = "cells", "damaged"
-NAMES = ("id", "core", "member", "target", "arm", "trainer", "algo", "preset", "seed")
-MEASURED = ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std", "eval_episodes")
-VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
-RUN_FILES = (RECORD, RESULT, POLICY, "episodes.csv", EVALUATIONS, "model.csv")
+CELL, ERROR, SPEED = "cell.json", "error.json", "speed.json"
+"""What a cell is; why its last try failed; the final policy's speed, which is written last."""
+
+RUN_FILES = (RECORD, RESULT, POLICY, "episodes.csv", "evaluations.csv", "model.csv")
 """What a finished run is; the rest is its checkpoint and logs."""
 
-READ = {"episodes": ("episode", "steps", "return"), "evaluations": ("episodes", "steps", "return_mean")}
-"""Columns of a run's tables that reports read."""
-
-STATED = {
-    "eval_return_mean": "return_mean",
-    "eval_return_std": "return_std",
-    "eval_episodes": "n",
-    "steps": "steps",
-    "episodes": "episodes",
-}
+SCORES = {"eval_return_mean": "return_mean", "eval_return_std": "return_std", "eval_episodes": "n", "steps": "steps"}
 """What a result repeats of its last evaluation."""
+
+LAST = 50
+"""Episodes at the end whose mean return is the paper's measure."""
+
+
+class DamagedError(TransferkitError):
+    """A cell whose files are not what a matrix writes; `what` names the file."""
 
 
 def folder(out: Path, cell: Cell) -> Path:
@@ -46,113 +47,40 @@ def folder(out: Path, cell: Cell) -> Path:
     return out / CELLS / cell.id
 
 
-def finished(out: Path, cell: Cell) -> Path:
-    """The result of a cell's run, where it has one."""
-    return folder(out, cell) / "run" / RESULT
+def read_cell(where: Path) -> Row | None:
+    """The row of a cell that ended; None if it has not.
 
-
-def problem(where: Path) -> str:
-    """What is wrong with the files of a cell, finished or not; empty where nothing is."""
-    try:
-        cell = read_json(where / CELL)
-        return _cell_problem(cell, where.name) or _run_problem(where / "run", trained=cell["arm"] != ZERO_ACTION)
-    except (RunDirectoryError, OSError) as error:
-        return str(error).partition(";")[0].replace(f"{where}/", "").replace(f"{where} holds", "it holds")
-    except (ValueError, TypeError, AttributeError, csv.Error) as error:
-        return f"{type(error).__name__}: {error}"
-
-
-def _cell_problem(cell: Mapping[str, Any], name: str) -> str:
-    if lacking := _lacking(CELL, cell, (*NAMES, "command", "config")):
-        return lacking
-    config = cell["config"]
-    named = [config[key] for key in ("env", "member", "algo", "preset", "seed")]
-    if (
-        identify(cell["arm"], cell["core"], config) != name
-        or [cell[key] for key in ("target", "member", "algo", "preset", "seed")] != named
-    ):
-        return f"{CELL} describes another run than its folder's name"
-    return ""
-
-
-def _run_problem(run: Path, *, trained: bool) -> str:
-    if (run / RECORD).exists():
-        record = read_json(run / RECORD)
-        if lacking := _lacking(RECORD, record, ("git", "versions")):
-            return lacking
-        _made_by(record)
-    if (run / RESULT).exists():
-        return _result_problem(run, trained=trained)
+    Raises:
+        DamagedError: a file is missing, cannot be read, or contradicts another.
+        RunDirectoryError: it is a cell of an earlier version.
+    """
+    run = where / "run"
+    cell = _cell(where)
+    ended = (where / SPEED).exists() or (where / ERROR).exists()
+    row = replace(cell.row, **(_made_by(run) if ended and (run / RECORD).exists() else {}))
+    if (where / SPEED).exists():
+        return _finished(cell, row, where)
+    if (where / ERROR).exists():
+        with _naming(ERROR):
+            error = read_json(where / ERROR)
+            return replace(row, error_kind=error["kind"], error=error["message"])
     if (run / CHECKPOINT).exists():
-        check_state(run / CHECKPOINT)
-    if (run.parent / ERROR).exists():
-        (run.parent / ERROR).read_text()
-    return ""
-
-
-def _lacking(file: str, found: Collection[str], names: Iterable[str]) -> str:
-    lacking = {*names} - {*found}
-    return f"{file} has no {min(lacking)}" if lacking else ""
-
-
-def _result_problem(run: Path, *, trained: bool) -> str:
-    result = read_json(run / RESULT)
-    if lacking := _lacking(RESULT, result, MEASURED):
-        return lacking
-    for name in MEASURED:
-        if not math.isfinite(result[name]):
-            return f"{RESULT} says {name}={result[name]}"
-    return _training_problem(run, result) if trained else ""
-
-
-def _training_problem(run: Path, result: Mapping[str, Any]) -> str:
-    for name in (RECORD, POLICY):
-        if not (run / name).exists():
-            return f"{name} is missing"
-    check_state(run / POLICY)
-    for name in ALWAYS:
-        table = columns(run, name)
-        if lacking := _lacking(f"{name}.csv", table, TABLES[name]):
-            return lacking
-        if not all(np.isfinite(table[column]).all() for column in READ[name]):
-            return f"{name}.csv has a number that is not finite"
-    last = {name: values[-1:].tolist() for name, values in columns(run, "evaluations").items()}
-    if any(last[column] != [result[name]] for name, column in STATED.items()):
-        return f"{EVALUATIONS} does not end with the evaluation that {RESULT} states"
-    if len(columns(run, "episodes")["return"]) != result["episodes"]:
-        return f"episodes.csv has not the {result['episodes']} returns that {RESULT} counts"
-    return ""
-
-
-def set_damaged_aside(out: Path, damaged: Mapping[Path, str]) -> list[str]:
-    """Move cells whose files are damaged out of the way, so that they run again; one line about each."""
-    lines = []
-    for where, what in damaged.items():
-        names = (out / SET_ASIDE / f"{where.name}.{k}" for k in itertools.count())
-        copy = next(name for name in names if not name.exists())
-        copy.parent.mkdir(exist_ok=True)
-        where.rename(copy)
-        lines.append(f"{where} is damaged ({what}); moved to {copy}; a run of the grid is made again")
-    return lines
+        with _naming(CHECKPOINT):
+            check_state(run / CHECKPOINT)
+    return None
 
 
 def cell_folders(out: Path) -> list[Path]:
-    """Every cell that was ever started, in the order of its name; a start killed before it wrote anything is none."""
+    """Every cell that was ever started, in the order of its name; a start killed before it wrote anything does not count."""
     return sorted({path.parent for name in (CELL, "run") for path in (out / CELLS).glob(f"*/{name}")})
 
 
-def problems(out: Path) -> dict[Path, str]:
-    """What is wrong with the files of each cell where something is."""
-    return {where: what for where in cell_folders(out) if (what := problem(where))}
-
-
-def made_by(run: Path) -> dict[str, str]:
-    """Commit and versions that a run was made with."""
-    return _made_by(read_json(run / RECORD))
-
-
-def _made_by(record: Mapping[str, Any]) -> dict[str, str]:
-    return {"commit": (record["git"] or {}).get("commit", ""), **{name: record["versions"].get(name, "") for name in VERSIONS}}
+def set_aside(out: Path, where: Path) -> Path:
+    """Move a damaged cell out of the way, so that it runs again; returns where it is now."""
+    names = (out / SET_ASIDE / f"{where.name}.{k}" for k in itertools.count())
+    copy = next(name for name in names if not name.exists())
+    copy.parent.mkdir(exist_ok=True)
+    return where.rename(copy)
 
 
 def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
@@ -162,21 +90,92 @@ def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
     return _columns(path, stat.st_mtime_ns, stat.st_size, stat.st_ino)
 
 
+def pack(where: Path) -> dict[str, bytes]:
+    """The files of a cell by their path, without checkpoint and logs, to send to another machine."""
+    names = (CELL, ERROR, *(f"run/{name}" for name in RUN_FILES), SPEED)
+    return {name: (where / name).read_bytes() for name in names if (where / name).exists()}
+
+
+def unpack(where: Path, files: Mapping[str, bytes]) -> None:
+    """The inverse of `pack`, which has what makes a run count as finished last."""
+    for name, data in files.items():
+        (where / name).parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(where / name, data)
+
+
+def _cell(where: Path) -> Cell:
+    with _naming(CELL):
+        data = read_json(where / CELL)
+        earlier = "network" not in data["config"]
+    if earlier:
+        raise RunDirectoryError(f"{where} was made by an earlier version", remedy="choose another {out}")
+    with _naming(CELL):
+        cell = Cell(data["arm"], data["core"], data["trainer"], TrainConfig.from_json(data["config"]))
+        if not cell.id == data["id"] == where.name:
+            raise DamagedError(f"{CELL} describes another run than its folder's name")
+        return cell
+
+
+def _made_by(run: Path) -> dict[str, str]:
+    """Commit and versions that a run was made with."""
+    with _naming(RECORD):
+        record = read_json(run / RECORD)
+        versions = {name: record["versions"].get(name, "") for name in VERSIONS}
+        return {"commit": (record["git"] or {}).get("commit", ""), **versions}
+
+
+def _finished(cell: Cell, row: Row, where: Path) -> Row:
+    run = where / "run"
+    with _naming(RESULT):
+        result = read_json(run / RESULT)
+        found = {name: result[name] for name in ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std")}
+        if not all(map(math.isfinite, found.values())):
+            raise ValueError("a number is not finite")
+    with _naming(SPEED):
+        speed = read_json(where / SPEED)["forward_speed"]
+        found["forward_speed"] = NAN if speed is None else float(speed)
+    if not (run / RECORD).exists():
+        raise DamagedError(f"{RECORD} is missing")
+    if cell.trained:
+        with _naming(POLICY):
+            check_state(run / POLICY)
+        found |= _training(run, result)
+    return replace(row, **found)
+
+
+def _training(run: Path, result: Mapping[str, Any]) -> dict[str, float]:
+    """Measures of the training episodes, and a check that the tables end as the result says."""
+    for kind in ALWAYS:
+        with _naming(f"{kind.table}.csv"):
+            table = columns(run, kind.table)
+            if not all(np.isfinite(table[name]).all() for name in kind.columns()):
+                raise ValueError("a number is not finite")
+    with _naming("evaluations.csv"):
+        last = {name: values[-1] for name, values in columns(run, "evaluations").items()}
+        if any(last[column] != result[name] for name, column in SCORES.items()):
+            raise ValueError(f"it does not end with the evaluation that {RESULT} states")
+    with _naming("episodes.csv"):
+        returns = columns(run, "episodes")["return"]
+        if len(returns) != result["episodes"]:
+            raise ValueError(f"it does not have the {result['episodes']} episodes that {RESULT} counts")
+    if not len(returns):
+        return {}
+    return {"last_50_mean": round(float(np.mean(returns[-LAST:])), 3), "all_mean": round(float(np.mean(returns)), 3)}
+
+
+@contextmanager
+def _naming(file: str) -> Iterator[None]:
+    """Turn whatever a damaged file causes into one line that names it."""
+    try:
+        yield
+    except DamagedError:
+        raise
+    except (TransferkitError, OSError, ValueError, LookupError, TypeError, AttributeError, StopIteration) as error:
+        raise DamagedError(f"{file}: {type(error).__name__}: {error}") from error
+
+
 @functools.lru_cache(maxsize=10_000)
 def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
     with path.open(newline="") as file:
         header, *rows = csv.reader(file)
     return dict(zip(header, np.array(rows, float).reshape(-1, len(header)).T, strict=True))
-
-
-def pack(where: Path) -> dict[str, bytes]:
-    """The files of a cell by their path, without checkpoint and logs, to send to another machine."""
-    names = (CELL, ERROR, *(f"run/{name}" for name in RUN_FILES))
-    return {name: (where / name).read_bytes() for name in names if (where / name).exists()}
-
-
-def unpack(where: Path, files: dict[str, bytes]) -> None:
-    """The inverse of `pack`, the result last: with it a run counts as finished."""
-    for name in sorted(files, key=lambda name: name.endswith(RESULT)):
-        (where / name).parent.mkdir(parents=True, exist_ok=True)
-        write_atomically(where / name, files[name])

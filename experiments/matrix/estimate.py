@@ -5,27 +5,25 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from experiments.matrix.arms import ZERO_ACTION
 from experiments.matrix.cell_folder import columns
 from experiments.matrix.grid import Cell
-from experiments.matrix.table import BUDGETS
+from experiments.matrix.table import Row
 from transferkit.config import TrainConfig
 from transferkit.envs import episode_limit, make_env
 from transferkit.table import format_table
-from transferkit.transfer import run_training
+from transferkit.training import run_training
 
 TRIAL_SECONDS = 3.0
-"""Of training, where no finished run tells how long one takes."""
+"""Training time of a trial, if no finished run tells how long one takes."""
 
-Kind = tuple[Any, ...]
+Kind = tuple[object, ...]
 """What a run's time depends on: target, trainer, preset, whether there is a core, budget."""
 
 Range = tuple[float, float]
@@ -37,11 +35,11 @@ class Pace:
     """What a trial shows."""
 
     first: float
-    """Steps of the first episodes, on average."""
+    """Mean steps of the first episodes."""
     longest: float
     """Steps of an episode of full length."""
     seconds: float
-    """Of training, for a step."""
+    """Training time of a step."""
 
     def of(self, config: TrainConfig) -> Range:
         """What a run takes if its episodes stay as long as the first ones, and if all are of full length."""
@@ -52,19 +50,20 @@ class Pace:
         return min(steps * self.seconds, config.seconds or math.inf)
 
 
-def plan(cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Mapping[str, Any]], workers: int) -> str:
-    """A line for every target and trainer, by rows of finished runs or, where there are none, by a trial of a few seconds."""
-    known, waiting, lines = _known(done), {cell.id for cell in todo}, []
+def plan(
+    cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Row], workers: int, trial: Callable[[Cell], Pace] | None = None
+) -> str:
+    """A line for every target and trainer, by finished runs of the same kind, or by a trial of a few seconds."""
+    known, waiting, lines, total = _known(done), {cell.id for cell in todo}, [], np.zeros(2)
     groups: dict[tuple[str, str], list[Cell]] = defaultdict(list)
     for cell in cells:
-        if cell.arm != ZERO_ACTION:  # which takes no time
-            groups[cell.target, cell.trainer].append(cell)
-    total = np.zeros(2)
+        if cell.trained:  # else it takes no time
+            groups[cell.config.env, cell.trainer].append(cell)
     for names, members in groups.items():
         left = [cell for cell in members if cell.id in waiting]
-        new = [cell for cell in left if _kind_of(cell) not in known]
-        pace, source = _try(max(new, key=lambda cell: cell.config.core is not None)) if new else (None, "")
-        each = [known.get(_kind_of(cell)) or (pace and pace.of(cell.config)) for cell in left]
+        new = [cell for cell in left if _kind(cell.row) not in known]
+        pace, source = _try(max(new, key=lambda cell: cell.core != ""), trial or try_out) if new else (None, "")
+        each = [known.get(_kind(cell.row)) or (pace and pace.of(cell.config)) for cell in left]
         times = np.array([time for time in each if time]).reshape(-1, 2)
         total += times.sum(axis=0)
         sources = ["finished runs"] * (len(new) < len(left)) + [source] * bool(new)
@@ -75,42 +74,13 @@ def plan(cells: Sequence[Cell], todo: Sequence[Cell], done: Sequence[Mapping[str
     return f"{table}\n{len(cells)} runs, {len(todo)} to do; {minutes}"
 
 
-def _try(cell: Cell) -> tuple[Pace | None, str]:
-    """The pace of a trial, and what to call it."""
-    try:
-        return trial(cell), f"a trial of {TRIAL_SECONDS:.0f} s"
-    except Exception as error:  # that run will fail by itself; others need not
-        return None, f"nothing: a trial failed ({error})"
-
-
-def _known(done: Sequence[Mapping[str, Any]]) -> dict[Kind, Range]:
-    """Mean time of the finished runs of each kind."""
-    times = defaultdict(list)
-    for row in done:
-        times[_kind(row, [row[name] for name in BUDGETS])].append(float(row["seconds"]))
-    return {kind: (float(np.mean(found)),) * 2 for kind, found in times.items()}
-
-
-def _kind(row: Mapping[str, Any], budget: Iterable[float | None]) -> Kind:
-    return *(row[name] for name in ("target", "trainer", "preset")), bool(row["core"]), *budget
-
-
-def _kind_of(cell: Cell) -> Kind:
-    return _kind(cell.row, (cell.config.episodes, cell.config.steps, cell.config.seconds))
-
-
-def _range(seconds: Sequence[float]) -> str:
-    low, high = (f"{value:.0f}" for value in seconds)
-    return low if low == high else f"{low} to {high}"
-
-
-def trial(cell: Cell) -> Pace:
+def try_out(cell: Cell) -> Pace:
     """Train a cell for a few seconds.
 
     A policy that learns not to fall has longer episodes, so what a budget of episodes takes is known only between two bounds.
     """
     config = replace(cell.config, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0)
-    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # where training leaves Ctrl-C alone
+    with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # training leaves Ctrl-C alone in a thread
         out = Path(scratch) / "trial"
         result = thread.submit(run_training, config, out=out).result()
         finished = columns(out, "episodes")
@@ -120,3 +90,28 @@ def trial(cell: Cell) -> Pace:
         pace = max(pace, float(np.ptp(finished["seconds"][late]) / steps))
     longest = episode_limit(make_env(config.env)) or result.steps
     return Pace(min(longest, result.steps / result.episodes) if result.episodes else longest, longest, pace)
+
+
+def _try(cell: Cell, trial: Callable[[Cell], Pace]) -> tuple[Pace | None, str]:
+    """The pace of a trial, and what to call it."""
+    try:
+        return trial(cell), f"a trial of {TRIAL_SECONDS:.0f} s"
+    except Exception as error:  # that run will fail by itself; others need not
+        return None, f"nothing: a trial failed ({error})"
+
+
+def _known(done: Sequence[Row]) -> dict[Kind, Range]:
+    """Mean time of the finished runs of each kind."""
+    times = defaultdict(list)
+    for row in done:
+        times[_kind(row)].append(row.seconds)
+    return {kind: (float(np.mean(found)),) * 2 for kind, found in times.items()}
+
+
+def _kind(row: Row) -> Kind:
+    return row.target, row.trainer, row.preset, row.core != "", row.budget
+
+
+def _range(seconds: Sequence[float]) -> str:
+    low, high = (f"{value:.0f}" for value in seconds)
+    return low if low == high else f"{low} to {high}"

@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from transferkit.errors import RunDirectoryError
-from transferkit.run.files import write_atomically
+from transferkit.files import write_atomically
 
 NAN = math.nan
 
@@ -38,12 +38,13 @@ class Row:
     budget_episodes: int | None
     budget_steps: int | None
     budget_seconds: float | None
+    eval_every: int
+    eval_episodes: int
     episodes: int | None = None
     steps: int | None = None
     seconds: float = NAN
     eval_return_mean: float = NAN
     eval_return_std: float = NAN
-    eval_episodes: int | None = None
     last_50_mean: float = NAN
     """Mean return of the last 50 training episodes, the paper's measure."""
     all_mean: float = NAN
@@ -110,12 +111,8 @@ def ambiguity(rows: Iterable[Row]) -> str:
     """What one trainer's name stands for twice on one target, so that no table can tell it apart; empty if nothing does."""
     meanings: dict[tuple[str, str, str], set[object]] = defaultdict(set)
     for row in rows:
-        settings = json.loads(row.overrides)
-        wrapping = {name: settings.pop(name) for name in [*settings] if name.startswith("wrap.")}
-        found = {"budgets": row.budget, "settings": (row.algo, row.preset, row.eval_episodes, json.dumps(settings))}
-        if row.core:
-            found["wrappings"] = (json.dumps(wrapping),)
-        for what, value in found.items():
+        settings = row.algo, row.preset, row.overrides, row.eval_every, row.eval_episodes
+        for what, value in (("budgets", row.budget), ("settings", settings)):
             meanings[row.trainer or row.arm, row.target, what].add(value)
     twice = [(*names, len(found)) for names, found in meanings.items() if len(found) > 1]
     return "".join(f"runs of {trainer} on {target} with {count} {what}" for trainer, target, what, count in twice[:1])

@@ -5,20 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-from experiments.matrix.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.report.comparisons import Group, Matrix
-from experiments.report.curves import Arm, Curve
+from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, ZERO_ACTION
+from experiments.report.comparisons import Group
+from experiments.report.curves import Arm, Array, Curve
+from experiments.report.matrix import Matrix
 from experiments.report.verdict import TRANSFER
 from transferkit import stats
-from transferkit.pictures import COLOURS
-
-mpl.use("Agg")
-from matplotlib import pyplot as plt
+from transferkit.plots import COLOURS
 
 DASHES = ("-", "--", ":")
 """With the colours, enough styles for fifteen lines; dashes also tell lines apart in grey."""
@@ -55,16 +53,17 @@ def lines_of(groups: Sequence[Group]) -> dict[str, Arm]:
     found = {}
     for group in groups:
         for name, arm in group.arms.items():
-            if name == ZERO_ACTION:
+            if name in UNTRAINED:
                 continue
             names = group.trainer, "" if name in WITHOUT_CORE else group.core, "" if name == TRANSFER else name
             found[", ".join(filter(None, names))] = arm
     return found
 
 
-def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN401 - a matplotlib figure
+def _learning_curves(target: str, groups: Sequence[Group]) -> Figure:
     """The paper's figure: training returns over episodes, smoothed as there and not, and over environment steps."""
-    figure, axes = plt.subplots(1, 3, figsize=(15, 4.5))
+    figure = Figure(figsize=(15, 4.5))
+    axes = figure.subplots(1, 3)
     lines = lines_of(groups)
     for axis, (window, unit) in zip(axes, PANELS, strict=True):
         curves = {label: curve for label, arm in lines.items() if (curve := arm.curve(window, unit))}
@@ -87,7 +86,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Any:  # noqa: ANN4
     return figure
 
 
-def _limit(axis: Any, curves: Sequence[Curve]) -> None:  # noqa: ANN401
+def _limit(axis: Axes, curves: Sequence[Curve]) -> None:
     """Cut bands where they go further from the lines than these do from each other: one diverged run would hide all others."""
     if curves:
         lowest, highest = min(curve.iqm.min() for curve in curves), max(curve.iqm.max() for curve in curves)
@@ -96,10 +95,11 @@ def _limit(axis: Any, curves: Sequence[Curve]) -> None:  # noqa: ANN401
         axis.set_ylim(max(low, lowest - reach) - 0.05 * reach, min(high, highest + reach) + 0.05 * reach)
 
 
-def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401
+def _profiles(groups: Sequence[Group]) -> Figure:
     """Share of runs above every normalised score, for each trainer and arm over all its targets and cores."""
-    figure, axis = plt.subplots(figsize=(8, 4.5))
-    scores: dict[tuple[str, str], dict[tuple[str, str], Any]] = {}
+    figure = Figure(figsize=(8, 4.5))
+    axis = figure.subplots()
+    scores: dict[tuple[str, str], dict[tuple[str, str], Array]] = {}
     for group in groups:
         for name, values in group.scores.items():
             task = group.target, "" if name in WITHOUT_CORE else group.core
@@ -115,7 +115,7 @@ def _profiles(groups: Sequence[Group]) -> Any:  # noqa: ANN401
     return figure
 
 
-def _legend_below(figure: Any, axis: Any) -> None:  # noqa: ANN401
+def _legend_below(figure: Figure, axis: Axes) -> None:
     """A legend under the axes, and margins in inches: a layout engine would take a third of the whole report's time."""
     lines, labels = axis.get_legend_handles_labels()
     width, height = figure.get_size_inches()
@@ -126,10 +126,9 @@ def _legend_below(figure: Any, axis: Any) -> None:  # noqa: ANN401
     figure.legend(lines, labels, fontsize="x-small", loc="lower center", ncols=columns, frameon=False)
 
 
-def _save(figure: Any, stem: Path) -> Path:  # noqa: ANN401
+def _save(figure: Figure, stem: Path) -> Path:
     for suffix in (".png", ".svg"):
         figure.savefig(stem.with_name(stem.name + suffix), dpi=110)
-    plt.close(figure)
     return stem.with_name(stem.name + ".png")
 
 

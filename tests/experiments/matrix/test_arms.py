@@ -6,7 +6,7 @@ import torch
 from experiments.matrix.arms import ARMS, PROBE_STEPS, WITHOUT_CORE, count_parameters
 from transferkit.config import TrainConfig
 from transferkit.policy import build
-from transferkit.policy.health import play
+from transferkit.policy import play
 from transferkit.run.streams import Streams
 
 CONFIG = TrainConfig("InvertedDoublePendulum-v5", core="made-up", seed=3)
