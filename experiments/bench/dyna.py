@@ -1,49 +1,98 @@
-"""`make bench`: DYNA-DDPG's updates against peers and against its matrix products alone, in alternation within one run."""
+"""DYNA-DDPG's updates against peers and against its matrix products alone, in alternation within one run."""
 
 from __future__ import annotations
 
-import os
-
-os.environ["OMP_NUM_THREADS"] = "1"  # before torch
-
+import importlib
 import importlib.util
 import statistics
-import time
-import warnings
 from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass
+from types import ModuleType
 
+import gymnasium
 import numpy as np
 import torch
-from torch import nn
+from stable_baselines3 import TD3
+from stable_baselines3.common.logger import Logger
+from torch import Tensor, nn
 
-from transferkit.config import DynaConfig
-from transferkit.dyna import Batch
-from transferkit.dyna.agent import Agent
-from transferkit.dyna.imagine import imagine
-from transferkit.dyna.losses import dynamics_loss
+from experiments.bench.timing import seconds
+from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import derive_spec, make_env
-from transferkit.nn import Architecture
-from transferkit.nn.dynamics import Dynamics
-from transferkit.policy import ScratchPolicy
-from transferkit.policy.parts import make_critic, make_dynamics
-from transferkit.run import Streams
+from transferkit.nn import Dynamics
+from transferkit.policy import make_critic, make_dynamics, new_policy
+from transferkit.streams import Streams
+from transferkit.trainers.dyna import Batch
+from transferkit.trainers.dyna.agent import Agent
+from transferkit.trainers.dyna.imagine import imagine
+from transferkit.trainers.dyna.losses import dynamics_loss
 
 ENV, OBS, ACT, WIDTH, BATCH, UPDATES = "Hopper-v5", 11, 3, 128, 128, 20
-ROUNDS = 25
 MODEL_BATCH, MODEL_MEMBERS, ROLLOUTS = 256, 5, 1280
+
+Call = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    rounds: int
+
+
+FULL, TINY = Size(25), Size(1)
+
+
+def main(size: Size) -> None:
+    """Measure and print."""
+    torch.set_num_threads(1)
+    peers = importlib.import_module("mbrl.models") if importlib.util.find_spec("mbrl") else None
+    compare(
+        f"{UPDATES} updates of DDPG with two critics, {WIDTH}-{WIDTH}, batches of {BATCH}, actor every 2nd (must be 1.5)",
+        {
+            "transferkit": agent(layer_norm=False).learn,
+            "transferkit with layer normalisation, its default": agent(layer_norm=True).learn,
+            "stable-baselines3 TD3": td3(),
+            "matrix products alone": products(),
+        },
+        size.rounds,
+    )
+    peer = {"mbrl-lib": peer_update(peers)} if peers else {"a loop over networks": loop_update()}
+    compare(
+        f"an update of an ensemble of {MODEL_MEMBERS}, {WIDTH}-{WIDTH}, batches of {MODEL_BATCH} (must be 3)",
+        {"transferkit": model_update(), **peer, "matrix products alone": model_products()},
+        size.rounds,
+    )
+    if peers:
+        calls = {"transferkit": rollout(), "mbrl-lib": peer_rollout(peers)}
+        compare(f"{ROLLOUTS} imagined steps (must be 3)", calls, size.rounds)
+
+
+def compare(title: str, calls: dict[str, Call], rounds: int) -> None:
+    """Time the calls in turns and print each one's ratio to the first."""
+    for call in calls.values():
+        call()
+    times = [{name: seconds(call) for name, call in calls.items()} for _ in range(rounds)]
+    base = next(iter(calls))
+    print(title)
+    for name in calls:
+        ratios = sorted(one[name] / one[base] for one in times)
+        milliseconds = 1e3 * statistics.median(one[name] for one in times)
+        low, high = ratios[len(ratios) // 10], ratios[-1 - len(ratios) // 10]
+        print(f"  {name}: {milliseconds:.1f} ms, {statistics.median(ratios):.2f} times ours ({low:.2f} to {high:.2f})")
 
 
 def agent(*, layer_norm: bool) -> Agent:
     """Our learner with a buffer of made-up transitions."""
-    config = DynaConfig(
-        hidden=(WIDTH, WIDTH), batch_size=BATCH, updates_per_step=UPDATES, actor_every=2, layer_norm=layer_norm, model_share=0.0
-    )
-    streams = Streams(0)
-    architecture = Architecture(OBS, ACT, (WIDTH, WIDTH), "relu")
-    policy = ScratchPolicy.create(architecture, streams.torch("policy"), init_std=1.0, normalize=True)
-    model = make_dynamics(policy, derive_spec(ENV), config, streams.torch("model"))
-    ours = Agent(policy, make_critic(policy, config, streams.torch("critic")), model, config, streams, torch.device("cpu"))
+    settings = {"network.hidden": (WIDTH, WIDTH), "network.init_std": 1.0, "dyna.batch_size": BATCH}
+    settings |= {"dyna.updates_per_step": UPDATES, "dyna.actor_every": 2, "dyna.layer_norm": layer_norm}
+    settings |= {"model.layer_norm": layer_norm}
+    config, streams = with_settings(TrainConfig(ENV, algo="dyna-ddpg"), settings), Streams(0)
+    policy = new_policy(config, None)
+    critic = make_critic(policy, config.dyna, config.network.hidden, streams.torch("critic"))
+    model = make_dynamics(policy, derive_spec(ENV), config.model, streams.torch("model"))
+    device = torch.device("cpu")
+    ours = Agent(policy, critic, model, config.dyna, config.model, streams, device, discount=config.dyna.gamma)
     generator = streams.torch("transitions")
     for _ in range(2000):
         observation, following = torch.randn(2, OBS, generator=generator)
@@ -52,13 +101,10 @@ def agent(*, layer_norm: bool) -> Agent:
     return ours
 
 
-def td3() -> Callable[[], None]:
+def td3() -> Call:
     """stable-baselines3's TD3 on the same number of updates."""
-    import gymnasium  # noqa: PLC0415
-    from stable_baselines3 import TD3  # noqa: PLC0415
-    from stable_baselines3.common.logger import Logger  # noqa: PLC0415
-
-    model = TD3("MlpPolicy", gymnasium.make(ENV), batch_size=BATCH, policy_delay=2, policy_kwargs={"net_arch": [WIDTH, WIDTH]})
+    layers = {"net_arch": [WIDTH, WIDTH]}
+    model = TD3("MlpPolicy", gymnasium.make(ENV), batch_size=BATCH, policy_delay=2, policy_kwargs=layers)
     model.set_logger(Logger(None, []))
     assert model.replay_buffer is not None
     rng = np.random.default_rng(0)
@@ -69,21 +115,21 @@ def td3() -> Callable[[], None]:
     return lambda: model.train(gradient_steps=UPDATES, batch_size=BATCH)
 
 
-def products() -> Callable[[], None]:
+def products() -> Call:
     """The matrix products of a step's updates and nothing else."""
     w, generator = WIDTH, torch.Generator().manual_seed(0)
-    rand = lambda *shape: torch.randn(*shape, generator=generator)  # noqa: E731
+
+    def rand(*shape: int) -> Tensor:
+        return torch.randn(*shape, generator=generator)
+
     inputs, hidden, grad = rand(2, BATCH, OBS + ACT), rand(2, BATCH, w), rand(2, BATCH, w)
     first, second = rand(2, OBS + ACT, w), rand(2, w, w)
     wide, big = rand(UPDATES * BATCH, w), rand(2, UPDATES * BATCH, w)
 
     def critic() -> None:
         torch.bmm(inputs, first), torch.bmm(hidden, second)
-        (
-            torch.bmm(hidden.transpose(1, 2), grad),
-            torch.bmm(grad, second.transpose(1, 2)),
-            torch.bmm(inputs.transpose(1, 2), grad),
-        )
+        torch.bmm(hidden.transpose(1, 2), grad), torch.bmm(grad, second.transpose(1, 2))
+        torch.bmm(inputs.transpose(1, 2), grad)
 
     def actor() -> None:
         torch.bmm(inputs, first), torch.bmm(hidden, second), torch.bmm(grad, second.transpose(1, 2))
@@ -100,7 +146,7 @@ def products() -> Callable[[], None]:
     return step
 
 
-def model_update() -> Callable[[], None]:
+def model_update() -> Call:
     """One update of our ensemble."""
     ours = agent(layer_norm=False)
     batch = ours.buffer.split(ours.buffer.sample((MODEL_MEMBERS, MODEL_BATCH), ours.batches))
@@ -113,10 +159,13 @@ def model_update() -> Callable[[], None]:
     return update
 
 
-def model_products() -> Callable[[], None]:
+def model_products() -> Call:
     """The matrix products of one update of the ensemble and nothing else."""
     sizes = (OBS + ACT, WIDTH), (WIDTH, WIDTH), (WIDTH, Dynamics.out_dim(OBS))
-    rand = lambda *shape: torch.randn(MODEL_MEMBERS, *shape)  # noqa: E731
+
+    def rand(*shape: int) -> Tensor:
+        return torch.randn(MODEL_MEMBERS, *shape)
+
     layers = [(rand(MODEL_BATCH, n), rand(n, m), rand(MODEL_BATCH, m)) for n, m in sizes]
 
     def update() -> None:
@@ -128,32 +177,26 @@ def model_products() -> Callable[[], None]:
     return update
 
 
-def rollout() -> Callable[[], None]:
+def rollout() -> Call:
     """One imagined step from `ROLLOUTS` replayed observations, all members asked, the least agreed fifth dropped."""
     ours = agent(layer_norm=False)
-
-    def step() -> None:
-        imagine(ROLLOUTS, ours.policy, ours.model, ours.buffer, ours.config, ours.imagination)
-
-    return step
+    return lambda: imagine(ROLLOUTS, ours.policy, ours.model, ours.buffer, ours.config, ours.imagination)
 
 
-def peer_network(**options: object) -> Any:  # noqa: ANN401 - of a package that may be missing
+def peer_network(mbrl: ModuleType, **options: object) -> nn.Module:
     """mbrl-lib's ensemble of the size of ours."""
-    from mbrl.models import GaussianMLP  # type: ignore[import-not-found] # noqa: PLC0415
-
-    return GaussianMLP(OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, **options)
+    return mbrl.GaussianMLP(OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, **options)
 
 
-def peer_rollout() -> Callable[[], None]:
+def peer_rollout(mbrl: ModuleType) -> Call:
     """The same number of steps of mbrl-lib's model, which asks one member for each, and none whether the episode ends."""
-    from mbrl.models import ModelEnv, OneDTransitionRewardModel  # type: ignore[import-not-found] # noqa: PLC0415
+    ours, network = agent(layer_norm=False), peer_network(mbrl, propagation_method="random_model")
+    model = mbrl.OneDTransitionRewardModel(network, target_is_delta=True, normalize=True, learned_rewards=True)
 
-    ours = agent(layer_norm=False)
-    network = peer_network(propagation_method="random_model")
-    model = OneDTransitionRewardModel(network, target_is_delta=True, normalize=True, learned_rewards=True)
-    never = lambda action, observation: torch.zeros(len(observation), 1, dtype=torch.bool)  # noqa: E731
-    env = ModelEnv(make_env(ENV), model, never, generator=torch.Generator())
+    def never(_: Tensor, observation: Tensor) -> Tensor:
+        return torch.zeros(len(observation), 1, dtype=torch.bool)
+
+    env = mbrl.ModelEnv(make_env(ENV), model, never, generator=torch.Generator())
 
     @torch.no_grad()
     def step() -> None:
@@ -163,14 +206,16 @@ def peer_rollout() -> Callable[[], None]:
     return step
 
 
-def peer_model_update() -> tuple[str, Callable[[], None]]:
-    """One update of mbrl-lib's ensemble where it is installed, else of a plain loop over networks."""
-    rows = torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + ACT), torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + 1)
-    if importlib.util.find_spec("mbrl"):
-        ensemble = peer_network(learn_logvar_bounds=False)
-        optimizer = torch.optim.Adam(ensemble.parameters())
-        return "mbrl-lib", lambda: ensemble.update(rows[0], optimizer, rows[1])
-    sizes = (OBS + ACT, WIDTH), (WIDTH, WIDTH), (WIDTH, 2 * (OBS + 1))
+def peer_update(mbrl: ModuleType) -> Call:
+    """One update of mbrl-lib's ensemble."""
+    rows, ensemble = model_rows(), peer_network(mbrl, learn_logvar_bounds=False)
+    optimizer = torch.optim.Adam(ensemble.parameters())
+    return lambda: ensemble.update(rows[0], optimizer, rows[1])
+
+
+def loop_update() -> Call:
+    """One update of a plain loop over networks, if mbrl-lib is not installed."""
+    rows, sizes = model_rows(), ((OBS + ACT, WIDTH), (WIDTH, WIDTH), (WIDTH, 2 * (OBS + 1)))
     networks = [nn.Sequential(*(layer for n, m in sizes for layer in (nn.Linear(n, m), nn.ReLU())))[:-1] for _ in rows[0]]
     optimizers = [torch.optim.Adam(network.parameters()) for network in networks]
 
@@ -181,52 +226,9 @@ def peer_model_update() -> tuple[str, Callable[[], None]]:
             nn.functional.gaussian_nll_loss(mean, y, log_var.exp()).backward()
             optimizer.step()
 
-    return "a loop over networks", loop
+    return loop
 
 
-def seconds(function: Callable[[], None]) -> float:
-    """Of one call."""
-    started = time.perf_counter()
-    function()
-    return time.perf_counter() - started
-
-
-def compare(title: str, functions: dict[str, Callable[[], None]]) -> None:
-    """Time the functions in turns and print each one's ratio to the first."""
-    for function in functions.values():
-        function()
-    rounds = [{name: seconds(function) for name, function in functions.items()} for _ in range(ROUNDS)]
-    base = next(iter(functions))
-    print(title)
-    for name in functions:
-        ratios = sorted(times[name] / times[base] for times in rounds)
-        milliseconds = 1e3 * statistics.median(times[name] for times in rounds)
-        low, high = ratios[len(ratios) // 10], ratios[-1 - len(ratios) // 10]
-        print(f"  {name}: {milliseconds:.1f} ms, {statistics.median(ratios):.2f} times ours ({low:.2f} to {high:.2f})")
-
-
-def main() -> None:
-    """Run and print."""
-    warnings.simplefilter("ignore")
-    torch.set_num_threads(1)
-    plain, normalised = agent(layer_norm=False), agent(layer_norm=True)
-    compare(
-        f"{UPDATES} updates of DDPG with two critics, {WIDTH}-{WIDTH}, batches of {BATCH}, actor every 2nd (must be 1.5)",
-        {
-            "transferkit": plain.learn,
-            "transferkit with layer normalisation, its default": normalised.learn,
-            "stable-baselines3 TD3": td3(),
-            "matrix products alone": products(),
-        },
-    )
-    name, peer = peer_model_update()
-    compare(
-        f"an update of an ensemble of {MODEL_MEMBERS}, {WIDTH}-{WIDTH}, batches of {MODEL_BATCH} (must be 3)",
-        {"transferkit": model_update(), name: peer, "matrix products alone": model_products()},
-    )
-    if importlib.util.find_spec("mbrl"):
-        compare(f"{ROLLOUTS} imagined steps (must be 3)", {"transferkit": rollout(), "mbrl-lib": peer_rollout()})
-
-
-if __name__ == "__main__":
-    main()
+def model_rows() -> tuple[Tensor, Tensor]:
+    """Made-up inputs and targets of a model."""
+    return torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + ACT), torch.randn(MODEL_MEMBERS, MODEL_BATCH, OBS + 1)

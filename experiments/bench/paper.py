@@ -1,73 +1,74 @@
-"""How fast are the `paper` presets beside the paper's code, and how soon do the default presets pass its best scores?
-
-`python -m experiments.bench_paper`, with nothing beside it.
-"""
+"""How fast the paper presets are beside the paper's code, and how soon the default presets pass its best scores."""
 
 from __future__ import annotations
 
-import os
-
-os.environ["OMP_NUM_THREADS"] = "1"  # before torch
-
-import argparse
 import statistics
 import tempfile
 import time
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import torch
 
-from transferkit.config import TrainConfig, preset
-from transferkit.config.names import Algorithm, Preset
-from transferkit.transfer import Result, run_training
+from transferkit.config import Algorithm, TrainConfig
+from transferkit.result import Result
+from transferkit.training import run_training
 
-EPISODES = 200
 IDP, HOPPER = "InvertedDoublePendulum-v5", "Hopper-v5"
 PAPER = {"PPO": 5.0, "PPOPT": 5.5, "DYNA-DDPG": 161.0}
 """Seconds of the paper's code for 200 episodes of InvertedDoublePendulum-v5: one thread, plotting off, one seed."""
-
-OURS: dict[str, tuple[dict, int]] = {
-    "PPO": ({}, 5),
-    "PPOPT": ({"core": "inverted-pendulum-v1"}, 5),
-    "DYNA-DDPG": ({"algo": "dyna-ddpg"}, 2),
-}
-"""The same methods here, and how many seeds."""
 
 BEST = {IDP: (186.0, 91.0), HOPPER: (77.0, 133.0)}
 """The paper's best method, DYNA-DDPG: mean training return of its last 50 of 200 episodes; and what doing nothing is worth."""
 
 SHARE = 1 / 20
-SEEDS = range(310, 320)
 
 
-def main() -> None:
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    episodes: int
+    seeds: Mapping[str, int]
+    """Seeds of each method."""
+    fresh: range
+    """Seeds of the default presets."""
+
+
+FULL = Size(200, {"PPO": 5, "PPOPT": 5, "DYNA-DDPG": 2}, range(310, 320))
+TINY = Size(1, {"PPO": 1, "PPOPT": 1, "DYNA-DDPG": 1}, range(310, 311))
+
+
+def main(size: Size) -> None:
     """Measure and print."""
-    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     torch.set_num_threads(1)
-    timed(TrainConfig(IDP, episodes=1), "default")  # imports
-    for method in OURS:
-        speed(method)
-    hopper = timed(TrainConfig(HOPPER, algo="dyna-ddpg", episodes=EPISODES), "paper")[1]
-    for env, whole in ((IDP, PAPER["DYNA-DDPG"]), (HOPPER, hopper)):
+    timed(TrainConfig(IDP, episodes=1))  # imports
+    for method in PAPER:
+        speed(method, size)
+    hopper = timed(TrainConfig(HOPPER, algo="dyna-ddpg", preset="paper-v1", episodes=size.episodes))[1]
+    for env, whole in ((IDP, PAPER["DYNA-DDPG"] * size.episodes / FULL.episodes), (HOPPER, hopper)):
         for algo in ("ppo", "dyna-ddpg"):
-            soon(env, algo, whole * SHARE)
+            soon(env, algo, whole * SHARE, size.fresh)
 
 
-def speed(method: str) -> None:
+def speed(method: str, size: Size) -> None:
     """Seconds of a paper preset, beside the paper's code."""
-    options, seeds = OURS[method]
-    runs = [timed(TrainConfig(IDP, episodes=EPISODES, seed=seed, **options), "paper")[1] for seed in range(seeds)]
+    algo: Algorithm = "dyna-ddpg" if method == "DYNA-DDPG" else "ppo"
+    core, seeds = "inverted-pendulum-v1" if method == "PPOPT" else None, range(size.seeds[method])
+    configs = [TrainConfig(IDP, core=core, algo=algo, preset="paper-v1", episodes=size.episodes, seed=seed) for seed in seeds]
+    runs = [timed(config)[1] for config in configs]
     middle = statistics.median(runs)
     print(
-        f"{method}, paper preset, {IDP}: {middle:.1f} s ({min(runs):.1f} to {max(runs):.1f}, {seeds} seeds), "
+        f"{method}, paper preset, {IDP}: {middle:.1f} s ({min(runs):.1f} to {max(runs):.1f}, {len(seeds)} seeds), "
         f"{PAPER[method] / middle:.2f} times as fast as the paper's code (must be 1.5)",
         flush=True,
     )
 
 
-def soon(env: str, algo: Algorithm, seconds: float) -> None:
+def soon(env: str, algo: Algorithm, seconds: float, seeds: range) -> None:
     """How many seeds of a default preset pass the paper's best score, and doing nothing, within these seconds."""
-    runs = [timed(TrainConfig(env, algo=algo, seconds=seconds, seed=seed), "default")[0] for seed in SEEDS]
+    runs = [timed(TrainConfig(env, algo=algo, seconds=seconds, seed=seed))[0] for seed in seeds]
     returns = sorted(result.eval_return_mean for result in runs)
     print(
         f"{algo}, {env}: after {seconds:.1f} s {sum(value >= max(BEST[env]) for value in returns)} of {len(returns)} seeds "
@@ -77,13 +78,9 @@ def soon(env: str, algo: Algorithm, seconds: float) -> None:
     )
 
 
-def timed(config: TrainConfig, name: Preset) -> tuple[Result, float]:
-    """A run with a preset, and its seconds, evaluation and files included."""
+def timed(config: TrainConfig) -> tuple[Result, float]:
+    """A run, and its seconds, evaluation and files included."""
     with tempfile.TemporaryDirectory() as scratch:
         started = time.perf_counter()
-        result = run_training(preset(config, name), out=Path(scratch) / "run")
+        result = run_training(config, out=Path(scratch) / "run")
         return result, time.perf_counter() - started
-
-
-if __name__ == "__main__":
-    main()

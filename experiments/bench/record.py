@@ -1,54 +1,62 @@
-"""`make bench`: what recording costs beside playing, how fast recordings are read, and how large they are."""
+"""What recording costs beside playing, how fast recordings are read, and how large they are."""
 
 from __future__ import annotations
-
-import os
-
-os.environ["OMP_NUM_THREADS"] = "1"  # before torch
 
 import statistics
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import gymnasium
 import torch
 
-from transferkit.deploy import load_subject
-from transferkit.dyna.replay import Batch, ReplayBuffer
+from experiments.bench.timing import spread
 from transferkit.envs import derive_spec, make_env
 from transferkit.evaluation import evaluate
 from transferkit.record.play import Subject, record
 from transferkit.record.reader import read_transitions
 from transferkit.spec import IOSpec
+from transferkit.subject import load_subject
+from transferkit.trainers.dyna import Batch, ReplayBuffer
 
-CORE, ROUNDS = "inverted-pendulum-v1", 15
-TARGETS = {"InvertedPendulum-v5": 2, "Hopper-v5": 20, "dm_control/cartpole-balance-v0": 2}
-"""Episodes of a round."""
+CORE = "inverted-pendulum-v1"
 
 
-def main() -> None:
+@dataclass(frozen=True)
+class Size:
+    """How much is measured."""
+
+    rounds: int
+    episodes: Mapping[str, int]
+    """Episodes of a round, by environment."""
+
+
+FULL = Size(15, {"InvertedPendulum-v5": 2, "Hopper-v5": 20, "dm_control/cartpole-balance-v0": 2})
+TINY = Size(1, {"Hopper-v5": 1})
+
+
+def main(size: Size) -> None:
     """Measure and print."""
     torch.set_num_threads(1)
     with tempfile.TemporaryDirectory() as scratch:
-        for env, episodes in TARGETS.items():
-            measure(load_subject(CORE, env=env), env, episodes, Path(scratch) / "bench.mcap")
+        for env, episodes in size.episodes.items():
+            measure(load_subject(CORE, env=env), env, episodes, Path(scratch) / "bench.mcap", size.rounds)
 
 
-def measure(subject: Subject, env: str, episodes: int, path: Path) -> None:
+def measure(subject: Subject, env: str, episodes: int, path: Path, rounds: int) -> None:
     """One environment; recording and evaluation take turns, both with one episode at a time."""
     costs, speeds, spec = [], [], derive_spec(env)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         path.unlink(missing_ok=True)
         plain = per_step(lambda: sum(play(subject, env, episodes)))
         costs.append(per_step(lambda: sum(episode.steps for episode in record(subject, path, episodes=episodes))) / plain)
         speeds.append(1 / per_step(lambda: fill(path, spec)))
     size = path.stat().st_size / fill(path, spec)
     print(
-        f"{env}: recording takes {statistics.median(costs):.2f} times an evaluation ({min(costs):.2f} to {max(costs):.2f}; "
-        f"must be 1.15), read back at {statistics.median(speeds):,.0f} steps a second (must be 20,000), "
-        f"{size:.0f} KB per 1,000 steps"
+        f"{env}: recording takes {spread(costs)} times an evaluation (must be 1.15), read back at "
+        f"{statistics.median(speeds):,.0f} steps a second (must be 20,000), {size:.0f} KB per 1,000 steps"
     )
 
 
@@ -62,7 +70,7 @@ class Kept(gymnasium.Wrapper):
     """An environment that is used again after an evaluation."""
 
     def close(self) -> None:
-        """Nothing."""
+        """Keep it open."""
 
 
 def fill(path: Path, spec: IOSpec) -> int:
@@ -73,11 +81,7 @@ def fill(path: Path, spec: IOSpec) -> int:
 
 
 def per_step(play: Callable[[], int]) -> float:
-    """Seconds a step of what returns its number of steps."""
+    """Seconds a step of a call that returns its number of steps."""
     started = time.perf_counter()
     steps = play()
     return (time.perf_counter() - started) / steps
-
-
-if __name__ == "__main__":
-    main()

@@ -80,7 +80,8 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
     done = {row.id for row in results.finished}
     todo = [cell for cell in cells if cell.id not in done]
     if todo and ray is None and not dry_run:
-        import_beside("experiments.matrix.arms", "transferkit.trainers.ppo", "transferkit.trainers.dyna")  # while the plan tries how fast a run is
+        # While the plan tries how fast a run is.
+        import_beside("experiments.matrix.arms", "transferkit.trainers.ppo", "transferkit.trainers.dyna")
     print(plan(cells, todo, results.finished, workers), flush=True)
     if dry_run:
         return 0

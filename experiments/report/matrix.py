@@ -38,7 +38,8 @@ def load_matrix(root: Path) -> Matrix:
         raise RunDirectoryError(f"{root} is not a folder", remedy="pass one that `python -m experiments.matrix` wrote")
     results = read_results(root)
     if not results.finished:
-        raise RunDirectoryError(f"{root} holds no finished run{_failures(results)}", remedy="run `python -m experiments.matrix`")
+        remedy = "make some with `python -m experiments.matrix`"
+        raise RunDirectoryError(f"{root} holds no finished run{_failures(results)}", remedy=remedy)
     if what := ambiguity(results.rows):
         remedy = "give each a trainer name of its own, or report them from folders of their own"
         raise RunDirectoryError(f"{root} holds {what}", remedy=remedy)

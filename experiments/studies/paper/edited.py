@@ -20,7 +20,8 @@ LAST, EDITED = 50, -10.0
 def main(results: Path) -> None:
     """Write the values of PPO's runs on Hopper that are among the study's rows."""
     rows = [row for row in read_rows(FOLDER / "rows.csv") if row.target == "Hopper-v5" and row.algo == "ppo"]
-    write_csv(FOLDER / "edited.csv", [{"id": row.id, "last_50_edited": edited(results / CELLS / row.id / "run")} for row in rows])
+    values = {row.id: edited(results / CELLS / row.id / "run") for row in rows}
+    write_csv(FOLDER / "edited.csv", [{"id": name, "last_50_edited": value} for name, value in values.items()])
 
 
 def edited(run: Path) -> float:
