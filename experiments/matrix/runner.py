@@ -30,7 +30,7 @@ from transferkit.errors import ConfigError, InterruptedRunError, RunInUseError
 from transferkit.files import read_json, write_json
 from transferkit.policy import Policy, load_policy
 from transferkit.run.directory import RESULT
-from transferkit.run.workers import GRACE, import_beside, worker_pool
+from transferkit.workers import GRACE, import_beside, worker_pool
 from transferkit.training import run_training
 from transferkit.zoo.artifact import load_core
 

@@ -5,9 +5,8 @@ import torch
 
 from experiments.matrix.arms import ARMS, PROBE_STEPS, WITHOUT_CORE, count_parameters
 from transferkit.config import TrainConfig
-from transferkit.policy import build
-from transferkit.policy import play
-from transferkit.run.streams import Streams
+from transferkit.policy import build, play
+from transferkit.streams import Streams
 
 CONFIG = TrainConfig("InvertedDoublePendulum-v5", core="made-up", seed=3)
 
@@ -27,7 +26,10 @@ def test_controls_differ_from_the_transfer_in_their_core_alone(untrained_core):
 
 def test_the_matched_random_core_acts_as_strongly(untrained_core):
     observation = torch.from_numpy(play(CONFIG.env, PROBE_STEPS, CONFIG.seed))
-    strength = lambda policy: policy(observation)[0].square().mean().sqrt().item()  # noqa: E731
+
+    def strength(policy):
+        return policy(observation)[0].square().mean().sqrt().item()
+
     reference, matched = (ARMS[name](CONFIG, untrained_core)[1] for name in ("transfer", "random-matched"))
     assert strength(matched) == pytest.approx(strength(reference), rel=1e-4)
     torch.testing.assert_close(matched(observation)[1], reference(observation)[1])
@@ -36,7 +38,7 @@ def test_the_matched_random_core_acts_as_strongly(untrained_core):
 def test_the_matched_network_has_as_many_parameters(untrained_core):
     wanted = count_parameters(ARMS["transfer"](CONFIG, untrained_core)[1])
     config, policy = ARMS["scratch-matched"](CONFIG, untrained_core)
-    wider = replace(config, ppo=replace(config.ppo, hidden=tuple(width + 1 for width in config.ppo.hidden)))
+    wider = replace(config, network=replace(config.network, hidden=tuple(width + 1 for width in config.network.hidden)))
     assert count_parameters(policy) <= wanted < count_parameters(WITHOUT_CORE["scratch"](wider)[1])
 
 

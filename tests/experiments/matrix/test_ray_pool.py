@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from experiments.matrix.table import TABLE
+from experiments.matrix.results import TABLE
 
 os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 from ray.cluster_utils import Cluster
