@@ -6,52 +6,105 @@ Names are loaded on first use, so that importing transferkit is instant.
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from transferkit.budget import Budget as Budget
     from transferkit.config import DynaConfig as DynaConfig
+    from transferkit.config import DynaPPOConfig as DynaPPOConfig
+    from transferkit.config import EnvConfig as EnvConfig
+    from transferkit.config import ModelConfig as ModelConfig
+    from transferkit.config import NetworkConfig as NetworkConfig
     from transferkit.config import PPOConfig as PPOConfig
     from transferkit.config import TrainConfig as TrainConfig
     from transferkit.config import WrapConfig as WrapConfig
     from transferkit.envs import derive_spec as derive_spec
     from transferkit.envs import make_env as make_env
+    from transferkit.errors import ArtifactError as ArtifactError
+    from transferkit.errors import ConfigError as ConfigError
+    from transferkit.errors import DimensionError as DimensionError
+    from transferkit.errors import DivergedError as DivergedError
+    from transferkit.errors import EnvironmentContractError as EnvironmentContractError
+    from transferkit.errors import InterruptedRunError as InterruptedRunError
+    from transferkit.errors import NotFiniteError as NotFiniteError
+    from transferkit.errors import RecordingError as RecordingError
+    from transferkit.errors import RunDirectoryError as RunDirectoryError
+    from transferkit.errors import RunInUseError as RunInUseError
+    from transferkit.errors import SettingError as SettingError
     from transferkit.errors import TransferkitError as TransferkitError
+    from transferkit.errors import UnknownNameError as UnknownNameError
+    from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
+    from transferkit.export import export_onnx as export_onnx
+    from transferkit.policy import Core as Core
+    from transferkit.policy import Health as Health
+    from transferkit.policy import Policy as Policy
     from transferkit.policy import health as health
+    from transferkit.policy import load_policy as load_policy
+    from transferkit.policy import scratch_policy as scratch_policy
     from transferkit.policy import wrap as wrap
-    from transferkit.trained import load_policy as load_policy
-    from transferkit.transfer import run_training as run_training
-    from transferkit.transfer import train as train
+    from transferkit.record import Subject as Subject
+    from transferkit.record import read_transitions as read_transitions
+    from transferkit.record import record_episodes as record_episodes
+    from transferkit.record import replay_recording as replay_recording
+    from transferkit.result import Result as Result
+    from transferkit.spec import Actuator as Actuator
+    from transferkit.spec import Element as Element
+    from transferkit.spec import IOSpec as IOSpec
+    from transferkit.spec import Joint as Joint
+    from transferkit.subject import load_subject as load_subject
+    from transferkit.training import run_training as run_training
+    from transferkit.training import train as train
     from transferkit.zoo.artifact import load_core as load_core
 
-_HOME = {
-    "Budget": "transferkit.budget",
-    "DynaConfig": "transferkit.config",
-    "PPOConfig": "transferkit.config",
-    "TrainConfig": "transferkit.config",
-    "TransferkitError": "transferkit.errors",
-    "WrapConfig": "transferkit.config",
-    "derive_spec": "transferkit.envs",
-    "evaluate": "transferkit.evaluation",
-    "health": "transferkit.policy",
-    "load_core": "transferkit.zoo.artifact",
-    "load_policy": "transferkit.trained",
-    "make_env": "transferkit.envs",
-    "run_training": "transferkit.transfer",
-    "train": "transferkit.transfer",
-    "wrap": "transferkit.policy",
+_HOMES = {
+    "budget": ("Budget",),
+    "config": (
+        "DynaConfig",
+        "DynaPPOConfig",
+        "EnvConfig",
+        "ModelConfig",
+        "NetworkConfig",
+        "PPOConfig",
+        "TrainConfig",
+        "WrapConfig",
+    ),
+    "envs": ("derive_spec", "make_env"),
+    "errors": (
+        "ArtifactError",
+        "ConfigError",
+        "DimensionError",
+        "DivergedError",
+        "EnvironmentContractError",
+        "InterruptedRunError",
+        "NotFiniteError",
+        "RecordingError",
+        "RunDirectoryError",
+        "RunInUseError",
+        "SettingError",
+        "TransferkitError",
+        "UnknownNameError",
+    ),
+    "evaluation": ("Evaluation", "evaluate"),
+    "export": ("export_onnx",),
+    "policy": ("Core", "Health", "Policy", "health", "load_policy", "scratch_policy", "wrap"),
+    "record": ("Subject", "read_transitions", "record_episodes", "replay_recording"),
+    "result": ("Result",),
+    "spec": ("Actuator", "Element", "IOSpec", "Joint"),
+    "subject": ("load_subject",),
+    "training": ("run_training", "train"),
+    "zoo.artifact": ("load_core",),
 }
+_HOME = {name: f"transferkit.{module}" for module, names in _HOMES.items() for name in names}
 
-__all__ = sorted(_HOME)  # noqa: PLE0605 - the keys above, once
-__version__ = "0.1.0"
+__version__ = "0.2.0.dev0"
 
 
-def __getattr__(name: str) -> Any:  # noqa: ANN401 - any public name
+def __getattr__(name: str) -> object:
     if name not in _HOME:
         raise AttributeError(f"module 'transferkit' has no attribute '{name}'")
     return getattr(importlib.import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:
-    return __all__
+    return sorted(_HOME)

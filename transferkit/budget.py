@@ -1,11 +1,11 @@
-"""How much experience a training run may spend, and how much it has spent."""
+"""The experience that a training run may spend, and what it has spent."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, SettingError
 
 
 @dataclass(frozen=True)
@@ -27,10 +27,10 @@ class Budget:
         limits = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
         given = {name: limit for name, limit in limits.items() if limit is not None}
         if not given:
-            raise ConfigError("no budget given; pass --episodes N, --steps N or --seconds S")
+            raise ConfigError("no budget given", remedy="give {episodes}, {steps} or {seconds}")
         for name, limit in given.items():
             if not limit > 0 or not math.isfinite(limit):
-                raise ConfigError(f"budget {name}={limit} must be a positive number; pass --{name} with a value above 0")
+                raise SettingError(name, value=limit, allowed="a number above 0")
 
 
 @dataclass
@@ -42,7 +42,7 @@ class Spent:
     seconds: float = 0.0
 
     def exhausts(self, budget: Budget) -> bool:
-        """Whether any limit of the budget is reached."""
+        """Decide whether any limit of the budget is reached."""
         return (
             (budget.steps is not None and self.steps >= budget.steps)
             or (budget.episodes is not None and self.episodes >= budget.episodes)
@@ -50,7 +50,7 @@ class Spent:
         )
 
     def fraction(self, budget: Budget) -> float:
-        """The largest used share of any limit, so that 1.0 ends training."""
+        """Return the largest used share of any limit, so that 1.0 ends training."""
         shares = [
             spent / limit
             for spent, limit in (
@@ -63,5 +63,5 @@ class Spent:
         return max(shares)
 
     def step_fraction(self, budget: Budget) -> float:
-        """The used share of the steps; where they have no limit, of the budget."""
+        """Return the used share of the steps; if they have no limit, of the budget."""
         return self.fraction(budget) if budget.steps is None else self.steps / budget.steps

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs.make import NO_LIMIT, make_env
-from transferkit.run.streams import Streams
+from transferkit.envs import Actor, make_env, rollout
+from transferkit.streams import Streams
 
 EPISODES = 20
 """Default episodes of an evaluation."""
 
 POOL = 10
-"""Environments stepped side by side at most."""
-
-
-class Actor(Protocol):
-    """Anything that maps observations `(B, obs_dim)` to deterministic actions `(B, act_dim)`."""
-
-    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The actions."""
-        ...
+"""Most environments stepped side by side."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +32,7 @@ class Evaluation:
         """Mean return."""
         return float(np.mean(self.returns))
 
-    def row(self) -> dict[str, float]:
+    def scores(self) -> dict[str, float]:
         """Mean, standard deviation over episodes (n - 1), and Student's 95 % interval of the mean."""
         low, high = stats.mean_interval(self.returns)
         deviation = float(np.std(self.returns, ddof=1)) if len(self.returns) > 1 else 0.0
@@ -56,12 +47,12 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class ZeroPolicy:
-    """Doing nothing: the reference any trained policy has to beat."""
+    """Doing nothing: the reference that any trained policy has to beat."""
 
     act_dim: int
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Zeros `(B, act_dim)`."""
+        """Return zeros `(B, act_dim)`."""
         return np.zeros((len(observation), self.act_dim), np.float32)
 
 
@@ -72,7 +63,7 @@ class RandomPolicy:
         self.act_dim, self._generator = act_dim, Streams(seed).numpy("random policy")
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Uniform draws `(B, act_dim)`."""
+        """Draw actions `(B, act_dim)`."""
         return self._generator.uniform(-1, 1, (len(observation), self.act_dim)).astype(np.float32)
 
 
@@ -96,24 +87,11 @@ def evaluate(
         clip_actions: as the policy was trained.
     """
     streams = Streams(seed)
-    make = (lambda: make_env(env, clip_actions=clip_actions)) if isinstance(env, str) else (lambda: make_env(env()))
-    pool = [make() for _ in range(min(POOL, episodes))]
+    pool = [make_env(env if isinstance(env, str) else env(), clip_actions=clip_actions) for _ in range(min(POOL, episodes))]
     returns, lengths = np.zeros(episodes), np.zeros(episodes, int)
-    playing = dict(enumerate(pool))  # episode -> environment
-    observations = {k: env.reset(seed=streams.integer("evaluation", k))[0] for k, env in playing.items()}
-    following = len(pool)
-    while playing:
-        actions = policy.act(np.stack([observations[k] for k in playing]))
-        for (k, env_k), action in zip(list(playing.items()), actions, strict=True):
-            observations[k], reward, terminated, truncated, _ = env_k.step(action)
-            returns[k] += float(reward)
-            lengths[k] += 1
-            if terminated or truncated or lengths[k] >= NO_LIMIT:
-                del playing[k]
-                if following < episodes:
-                    playing[following] = env_k
-                    observations[following] = env_k.reset(seed=streams.integer("evaluation", following))[0]
-                    following += 1
+    for step in rollout(policy, pool, lambda episode: streams.integer("evaluation", episode), episodes=episodes):
+        returns[step.episode] += step.reward
+        lengths[step.episode] += 1
     for env_k in pool:
         env_k.close()
     return Evaluation(tuple(returns.tolist()), tuple(lengths.tolist()))

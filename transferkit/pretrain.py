@@ -7,22 +7,19 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from transferkit import stats
 from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec
-from transferkit.errors import ArtifactError, ConfigError
+from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.nn import EnsembleArchitecture
-from transferkit.policy import ScratchPolicy
-from transferkit.policy.core import Core, stack_members
-from transferkit.run.session import Report
-from transferkit.run.workers import worker_pool
-from transferkit.trained import load_parts, load_policy
-from transferkit.transfer import RUNS, Result, run_training
+from transferkit.policy import Component, Core, ScratchPolicy, load_components, load_policy, stack_members
+from transferkit.result import Result
+from transferkit.run import Report
+from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
-from transferkit.zoo.artifact import ensemble_part, normalizer_part, policy_part, save_core
+from transferkit.workers import worker_pool
+from transferkit.zoo.artifact import ensemble_card, normalizer_card, policy_card, save_core
 from transferkit.zoo.card import Card, Score
 
 SCORE_SEED = 1
@@ -36,11 +33,11 @@ class Recipe:
     """A core to make."""
 
     name: str
-    """Without the version."""
+    """Name of the core without its version."""
     threshold: float
     """Mean return that every member has to reach."""
     version: int = 1
-    """Of the artifact; a released one is never rewritten."""
+    """Version of the artifact; a released one is never rewritten."""
     seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
     """Source seed of each member; none is left out afterwards."""
     zoo: Path = Path("zoo")
@@ -64,16 +61,14 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
         ConfigError: a core cannot be made of what the configuration trains.
     """
     if config.core is not None:
-        raise ConfigError("pretrain makes a core from scratch; leave out --core")
-    if config.algo != "ppo" and config.dyna.predict == "state":
-        raise ConfigError("the model of a core predicts changes; pass --dyna.predict change, or --preset default")
+        raise ConfigError("pretrain makes a core from scratch", remedy="leave out {core}")
+    if config.algo != "ppo" and config.model.predict == "state":
+        raise SettingError("model.predict", value="state", allowed="'change' for the model of a core")
     if config.stop_at is not None and config.stop_at < recipe.threshold:
-        raise ConfigError(
-            f"stop_at={config.stop_at:g} ends training below the threshold {recipe.threshold:g}; pass a higher --stop-at"
-        )
+        raise SettingError("stop_at", value=config.stop_at, allowed=f"at least the threshold {recipe.threshold:g}")
     folder = recipe.zoo / recipe.id
     if folder.exists():
-        raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")
+        raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
     if config.algo == "dyna-ddpg":
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
     results = _train_members(recipe, config, report)
@@ -84,12 +79,12 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
             config.env,
             episodes=SCORE_EPISODES,
             seed=SCORE_SEED,
-            clip_actions=config.ppo.clip_actions,
+            clip_actions=config.env_config.clip_actions,
         ).returns
         for policy in policies
     ]
     score = _score(recipe, returns)
-    core = _core(recipe, config, policies, [load_parts(result.run_dir) for result in results])
+    core = _core(recipe, config, policies, [load_components(result.run_dir) for result in results])
     return save_core(core, _card(recipe, config, core, results, score), folder)
 
 
@@ -111,7 +106,8 @@ def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
     if below:
         raise ArtifactError(
             f"core {recipe.id} is refused: {', '.join(below)}, below the threshold {recipe.threshold:g} "
-            f"(mean of all members {np.mean(members):.1f}); train longer, e.g. with a larger --steps"
+            f"(mean of all members {np.mean(members):.1f})",
+            remedy="train longer, for example with more {steps}",
         )
     low, high = stats.hierarchical_interval(returns)
     return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
@@ -121,7 +117,7 @@ def _core(
     recipe: Recipe,
     config: TrainConfig,
     policies: Sequence[ScratchPolicy],
-    beside: Sequence[dict[str, tuple[EnsembleArchitecture, dict[str, torch.Tensor]]]],
+    beside: Sequence[dict[str, Component]],
 ) -> Core:
     stacked = {"policy": stack_members([policy.network.state_dict() for policy in policies])}
     statistics = [policy.normalizer.state_dict() for policy in policies if policy.normalizer is not None]
@@ -129,21 +125,21 @@ def _core(
         stacked["normalizer"] = stack_members(statistics)
     ensembles = {name: architecture for name, (architecture, _) in beside[0].items()}
     for name in ensembles:
-        stacked[name] = stack_members([parts[name][1] for parts in beside])
+        stacked[name] = stack_members([components[name][1] for components in beside])
     architecture = policies[0].network.architecture
     return Core(recipe.id, derive_spec(config.env), architecture, recipe.seeds, stacked, ensembles=ensembles)
 
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
-    parts = {"policy": policy_part(core.architecture)}
-    parts |= {name: ensemble_part(name, architecture) for name, architecture in core.ensembles.items()}
-    if "normalizer" in core.parts:
-        parts["normalizer"] = normalizer_part(core.spec.obs_dim)
+    components = {"policy": policy_card(core.architecture)}
+    components |= {name: ensemble_card(name, architecture) for name, architecture in core.ensembles.items()}
+    if "normalizer" in core.components:
+        components["normalizer"] = normalizer_card(core.spec.obs_dim)
     return Card(
         id=recipe.id,
         description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",
         source=core.spec,
-        parts=parts,
+        components=components,
         seeds=recipe.seeds,
         score=score,
         spent=tuple({"episodes": r.episodes, "steps": r.steps, "seconds": r.seconds} for r in results),
@@ -151,5 +147,5 @@ def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result]
         config=asdict(config),
         versions=versions(),
         files={},
-        history=(f"v{recipe.version}: {', '.join(parts)}; trained with {config.algo}",),
+        history=(f"v{recipe.version}: {', '.join(components)}; trained with {config.algo}",),
     )

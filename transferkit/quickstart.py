@@ -1,4 +1,4 @@
-"""The main job in two minutes: a core that works on its twin at once, and on a harder robot after 200 episodes or not."""
+"""The main job in two minutes: a core works on its twin at once, and does not help on two poles."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 from transferkit import stats
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig
-from transferkit.envs import derive_spec
+from transferkit.envs import Actor, derive_spec
 from transferkit.evaluation import Evaluation, RandomPolicy, ZeroPolicy, evaluate
-from transferkit.pictures import draw_learning_curves
-from transferkit.policy import wrap
-from transferkit.policy.core import Core
-from transferkit.run.session import Report
-from transferkit.transfer import Result, run_training
+from transferkit.plots import draw_learning_curves
+from transferkit.policy import Core, wrap
+from transferkit.result import Result
+from transferkit.run import Report
+from transferkit.training import run_training
 from transferkit.zoo.artifact import load_core
 
 CORE, TWIN, TARGET = "inverted-pendulum-v1", "dm_control/cartpole-balance-v0", "InvertedDoublePendulum-v5"
@@ -36,17 +36,22 @@ class ZeroShot:
     low: float
     high: float
     members: tuple[float, ...]
-    """Mean of each member; a single one where there are no members."""
+    """Mean of each member; a single one if there are no members."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Everything the quickstart measured."""
+    """Everything that the quickstart measured."""
 
+    core: str
+    twin_task: tuple[str, int]
+    """Environment, and evaluation episodes per member."""
+    target_task: tuple[str, int]
+    """Environment, and training episodes."""
     twin: tuple[ZeroShot, ...]
     """The core and its controls on the twin."""
     runs: tuple[Result, ...]
-    """Transfer and scratch on the target."""
+    """Core and scratch on the target."""
     zero_action: ZeroShot
     """Doing nothing on the target."""
     picture: str
@@ -66,17 +71,17 @@ def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManag
     picture = out / "learning_curves.png"
     curves = {run.core or "scratch": Path(run.run_dir) for run in runs}
     draw_learning_curves(curves, f"{TARGET}, one seed", picture, zero_action=nothing.mean)
-    return Outcome(twin, tuple(runs), nothing, str(picture))
+    return Outcome(CORE, (TWIN, TWIN_EPISODES), (TARGET, EPISODES), twin, tuple(runs), nothing, str(picture))
 
 
 def zero_shot(core: Core, env: str, *, episodes: int, seed: int = 0) -> tuple[ZeroShot, ...]:
-    """Every member of a core on a target before any target step, beside its controls.
+    """Play every member of a core on a target before any target step, beside its controls.
 
     Controls: the same sandwich around a core with shuffled and with random weights, uniform actions, no action.
     """
     target = derive_spec(env)
 
-    def play(name: str, actors: Sequence) -> ZeroShot:
+    def play(name: str, actors: Sequence[Actor]) -> ZeroShot:
         return _summary(name, [evaluate(actor, env, episodes=episodes, seed=seed) for actor in actors])
 
     def members(name: str, variant: Core) -> ZeroShot:

@@ -73,7 +73,7 @@ class Actuator:
     gear: float
     """Force or torque on the joint per unit of control, with its sign."""
     authority: float
-    """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 where unknown."""
+    """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 if unknown."""
     unit: str
 
 
@@ -103,12 +103,12 @@ class IOSpec:
         return len(self.action)
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON-ready data."""
+        """Return JSON-ready data."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> IOSpec:
-        """The inverse of `to_json`.
+        """Rebuild from `to_json`.
 
         Raises:
             TypeError, KeyError: the data has other fields than an `IOSpec`.

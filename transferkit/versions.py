@@ -1,4 +1,4 @@
-"""What a result depends on besides its configuration: versions, machine and git state."""
+"""Versions and git state, which a result depends on besides its configuration."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ PACKAGES = (
 
 
 def versions() -> dict[str, str]:
-    """Installed version of every package that can change a number, and of Python."""
+    """Look up the installed version of every package that can change a number, and of Python."""
     return {"python": platform.python_version()} | {name: _version(name) for name in PACKAGES}
 
 
 def command() -> str:
-    """The command line of this process, without the path of the program."""
+    """Return the command line of this process, without the path of the program."""
     program = Path(sys.argv[0]).name
     return shlex.join(["transferkit" if program == "__main__.py" else program, *sys.argv[1:]])
 
 
 def git_state() -> dict[str, str | bool] | None:
-    """Commit of the checkout transferkit runs from and whether it has changes; None outside a checkout."""
+    """Find the commit of the checkout that transferkit runs from and whether it has changes; None outside a checkout."""
     root = Path(__file__).resolve().parents[1]
     if not (root / ".git").exists():
         return None

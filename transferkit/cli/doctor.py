@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import os
 import shutil
 import subprocess
@@ -11,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from transferkit.cli.output import print_json
+from transferkit.cli.answer import Answer, parser
 from transferkit.table import format_table
 from transferkit.versions import git_state, versions
 
@@ -22,23 +21,22 @@ RENDER = (
 GL_TIMEOUT = 60
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Check the installation; exit code 2 where something must be mended."""
-    parser = argparse.ArgumentParser("transferkit doctor", description="Check this installation and say what to mend.")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
-    options = parser.parse_args(arguments)
+def main(arguments: Sequence[str]) -> Answer:
+    """Check the installation; exit code 2 if something must be mended."""
+    parser("doctor", "Check this installation and say what to mend.").parse_args(arguments)
     report = examine()
-    if options.json:
-        print_json(report)
-    else:
-        print(format_table(("package", "version"), list(report["versions"].items())))
-        print(f"\nrendering: {report['rendering']}\nCUDA: {report['cuda']}\ncores: {report['cores']}\ngit: {report['git']}")
-        print("\n".join(f"mend: {problem}" for problem in report["problems"]) or "\nnothing to mend")
-    return 2 if report["problems"] else 0
+    text = "\n".join(
+        (
+            format_table(("package", "version"), list(report["versions"].items())),
+            f"\nrendering: {report['rendering']}\nCUDA: {report['cuda']}\ncores: {report['cores']}\ngit: {report['git']}",
+            "\n".join(f"mend: {problem}" for problem in report["problems"]) or "\nnothing to mend",
+        )
+    )
+    return Answer(report, text, 2 if report["problems"] else 0)
 
 
 def examine() -> dict[str, Any]:
-    """Versions, rendering, devices, git, and what is wrong with them."""
+    """Report versions, rendering, devices, git, and what is wrong with them."""
     import torch  # noqa: PLC0415 - takes seconds to import
 
     return {
@@ -52,7 +50,7 @@ def examine() -> dict[str, Any]:
 
 
 def known_problems(found: dict[str, str], libraries: Sequence[str]) -> list[str]:
-    """Version pairs that are known to fail, each with its fix."""
+    """Find version pairs that are known to fail, each with its fix."""
     problems = []
     mujoco = tuple(int(part) for part in found["mujoco"].split(".")[:2] if part.isdigit())
     if mujoco and not (3, 17) <= mujoco < (4, 0):
@@ -73,7 +71,7 @@ def _mujoco_libraries() -> list[str]:
 
 
 def _rendering() -> str:
-    """In a subprocess of its own: the backend is chosen before mujoco is imported, and a bad one can abort the process."""
+    """Try each backend in a process of its own: it is chosen before mujoco is imported, and a bad one can abort."""
     for backend in dict.fromkeys((os.environ.get("MUJOCO_GL", "egl"), "egl", "osmesa")):
         environment = {**os.environ, "MUJOCO_GL": backend}
         try:

@@ -2,42 +2,32 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 
-from transferkit.cli.output import print_json
+from transferkit.cli.answer import Answer, parser
 from transferkit.spec import IOSpec
 from transferkit.table import format_table
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(arguments: Sequence[str]) -> Answer:
     """List or show environments."""
-    parser = argparse.ArgumentParser("transferkit envs", description="The environments that policies are trained on.")
-    actions = parser.add_subparsers(dest="action", required=True)
-    listing = actions.add_parser("list", help="every id")
+    flags = parser("envs", "The environments that policies are trained on.")
+    actions = flags.add_subparsers(dest="action", required=True)
+    actions.add_parser("list", help="every id")
     show = actions.add_parser("show", help="dimensions, element names, units, bounds, time step, limit")
     show.add_argument("env", metavar="ENV")
-    for action in (listing, show):
-        action.add_argument("--json", action="store_true", help="print one JSON value and nothing else")
-    options = parser.parse_args(arguments)
+    options = flags.parse_args(arguments)
     from transferkit.envs import derive_spec, environment_ids  # noqa: PLC0415 - seconds to import
 
     if options.action == "list":
         ids = environment_ids()
-        if options.json:
-            print_json(ids)
-        else:
-            print("\n".join(ids))
-        return
+        return Answer(ids, "\n".join(ids))
     spec = derive_spec(options.env)
-    if options.json:
-        print_json(spec.to_json())
-    else:
-        print(describe(spec))
+    return Answer(spec.to_json(), describe(spec))
 
 
 def describe(spec: IOSpec) -> str:
-    """An environment's numbers and what they mean."""
+    """Describe an environment's numbers and what they mean."""
     limit = "no limit" if spec.episode_limit is None else f"{spec.episode_limit} steps an episode"
     observation = [(i, e.name, e.quantity, e.unit, ", ".join(e.joints)) for i, e in enumerate(spec.observation)]
     action = [(i, a.name, f"{a.low:g} to {a.high:g}", f"{a.gear:g}", a.unit) for i, a in enumerate(spec.action)]

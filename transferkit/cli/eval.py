@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import print_json
+from transferkit.cli.answer import Answer, parser
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(arguments: Sequence[str]) -> Answer:
     """Evaluate the final policy of a run."""
-    parser = argparse.ArgumentParser("transferkit eval", description="Play the final policy of a run deterministically.")
-    parser.add_argument("run", metavar="RUN", type=Path, help="directory of a finished training run")
-    parser.add_argument("--episodes", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0, help="of the episodes' starts; 0 is the one training reports")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
-    options = parser.parse_args(arguments)
-    from transferkit.trained import evaluate_run  # noqa: PLC0415 - torch takes seconds to import
+    flags = parser("eval", "Play the final policy of a run deterministically.")
+    flags.add_argument("run", metavar="RUN", type=Path, help="directory of a finished training run")
+    flags.add_argument("--episodes", type=int, default=20)
+    flags.add_argument("--seed", type=int, default=0, help="of the episodes' starts; 0 is the one training reports")
+    options = flags.parse_args(arguments)
+    from transferkit.subject import evaluate_run  # noqa: PLC0415 - torch takes seconds to import
 
-    row = evaluate_run(options.run, episodes=options.episodes, seed=options.seed).row()
-    if options.json:
-        print_json({"run_dir": str(options.run), "seed": options.seed, **row})
-        return
-    interval = f"95 % interval {row['return_low']:.1f} to {row['return_high']:.1f}"
-    print(f"return {row['return_mean']:.1f}, {interval}, {row['n']} episodes, seed {options.seed}")
+    scores = evaluate_run(options.run, episodes=options.episodes, seed=options.seed).scores()
+    interval = f"95 % interval {scores['return_low']:.1f} to {scores['return_high']:.1f}"
+    text = f"return {scores['return_mean']:.1f}, {interval}, {scores['n']} episodes, seed {options.seed}"
+    return Answer({"run_dir": str(options.run), "seed": options.seed, **scores}, text)

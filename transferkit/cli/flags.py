@@ -2,54 +2,70 @@
 
 from __future__ import annotations
 
-import argparse
-import io
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr
+from dataclasses import dataclass, fields, is_dataclass
+from typing import TypeVar
 
 import tyro
+from tyro import _errors as tyro_errors
 
-from transferkit.config import PPO_PRESETS, TrainConfig, preset
-from transferkit.errors import ConfigError
+from transferkit.config import Algorithm, TrainConfig
+from transferkit.errors import ConfigError, UnknownNameError
 
-FRAME = "│|╭╮╰╯ "
-RULES = ("─" * 10, "-" * 10)
-"""tyro draws its boxes without a frame, in ASCII, where the terminal cannot do better."""
+T = TypeVar("T")
 
 
-def parse(command: Callable[..., Callable[[], None]], program: str, arguments: Sequence[str]) -> Callable[[], None]:
-    """What `command` returns when it is called with the flags.
+@dataclass(frozen=True)
+class _Base:
+    """What the defaults of all other flags depend on."""
+
+    algo: Algorithm = "ppo"
+    preset: str = "default"
+
+
+def defaults(arguments: Sequence[str]) -> TrainConfig:
+    """Return the configuration that the flags override: the preset of `--algo` and `--preset`."""
+    with tyro_errors.on_parse_error(_refuse):
+        base, _ = tyro.cli(_Base, args=list(arguments), add_help=False, return_unknown_args=True)
+    config = TrainConfig("any", algo=base.algo, preset=base.preset)
+    object.__setattr__(config, "env", tyro.MISSING)  # tyro asks for it
+    return config
+
+
+def parse(command: Callable[..., T], program: str, arguments: Sequence[str]) -> T:
+    """Return what `command` returns when it is called with the flags.
 
     Raises:
-        ConfigError: an unknown flag, a missing one, or a value of the wrong type.
+        ConfigError: a missing flag, or a value of the wrong type.
+        UnknownNameError: an unknown flag.
     """
-    messages = io.StringIO()
-    try:
-        with redirect_stderr(messages):
-            return tyro.cli(command, prog=program, args=list(arguments))
-    except SystemExit as leaving:
-        if not leaving.code:
-            raise
-        raise ConfigError(f"{_first_message(messages.getvalue())}; `{program} --help` explains the flags") from None
+    with tyro_errors.on_parse_error(_refuse):
+        return tyro.cli(command, prog=program, args=list(arguments))
 
 
-def _first_message(box: str) -> str:
-    """The text of tyro's box between its title and its next rule."""
-    words: list[str] = []
-    for line in box.splitlines()[1:]:
-        text = line.strip(FRAME)
-        if words and text.startswith((*RULES, "Got errors")):
-            break
-        if not text.startswith(RULES):
-            words += text.split()
-    return " ".join(words)
+def _refuse(event: tyro_errors.ParseErrorEvent) -> None:
+    """Raise one line in place of tyro's box; an event of a later tyro falls through to the box."""
+    if isinstance(event, tyro_errors.UnrecognizedArgs):
+        raise UnknownNameError("flag", event.tokens[0], _known_flags(TrainConfig), topic="flags")
+    if isinstance(event, tyro_errors.MissingArgs):
+        names = ", ".join(missing.arg.display_name() for missing in event.missing_arguments)
+        raise ConfigError(f"missing {names}", topic="flags")
+    if isinstance(event, tyro_errors.InvalidChoice):
+        name, choices = event.argument.display_name(), " or ".join(event.choices)
+        raise ConfigError(name, value=event.value, allowed=choices, topic="flags")
+    if isinstance(event, tyro_errors.BadValue):
+        given = "" if event.offending_value is None else f" and not {event.offending_value}"
+        raise ConfigError(f"{event.argument.display_name()} takes another number of values{given}", topic="flags")
+    if isinstance(event, tyro_errors.InstantiationFailure):
+        name = event.argument.display_name() if event.argument else event.prog
+        raise ConfigError(f"{name}: {' '.join(event.message.split())}", topic="flags")
 
 
-def preset_from(arguments: Sequence[str]) -> TrainConfig:
-    """The defaults that the other flags override: those of `--preset`."""
-    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument("--preset", default="default")
-    name = parser.parse_known_args(list(arguments))[0].preset
-    if name not in PPO_PRESETS:
-        raise ConfigError(f"unknown preset '{name}'; --preset takes {' or '.join(PPO_PRESETS)}")
-    return preset(TrainConfig(env=tyro.MISSING), name)
+def _known_flags(kind: type, prefix: str = "--") -> list[str]:
+    config, known = TrainConfig("any"), []
+    for field in fields(kind):
+        section = getattr(config, field.name, None)
+        name = field.name.replace("_", "-")
+        nested = is_dataclass(section) and not isinstance(section, type)
+        known += _known_flags(type(section), f"{prefix}{name}.") if nested else [f"{prefix}{name}"]
+    return known

@@ -1,4 +1,4 @@
-"""The command line: finds the command, prints what it returns, and turns errors into one line and exit code 2."""
+"""The command line: finds the command, prints its answer, and turns errors into one line and exit code 2."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from transferkit.errors import Interrupted, TransferkitError, UnknownNameError
+from transferkit.cli.answer import JSON_FLAG, Answer
+from transferkit.cli.wording import worded
+from transferkit.errors import InterruptedRunError, TransferkitError, UnknownNameError
 
 COMMANDS = {
     "quickstart": "the main job on real environments, in under two minutes",
@@ -38,38 +40,49 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch is imported; more threads slow small networks down
     threading.excepthook = _one_line
     arguments = list(sys.argv[1:] if argv is None else argv)
-    lines = "\n".join(f"  {name:<11} {text}" for name, text in COMMANDS.items())
-    parser = argparse.ArgumentParser(
-        "transferkit",
-        description="Wrap a trained policy core onto another environment, train it there, prove that it helped.",
-        epilog=f"commands:\n{lines}\n\n`transferkit COMMAND --help` explains each; every command takes --json.",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("command", metavar="COMMAND")
+    parser = _parser()
     if not arguments:
         parser.print_help()
         return USER_ERROR
     name = parser.parse_args(arguments[:1]).command
     try:
-        if name not in COMMANDS:
-            raise UnknownNameError("command", name, COMMANDS, "transferkit --help")
-        code = importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:]) or 0
-        sys.stdout.flush()
-        return code
+        return _run(name, arguments[1:])
     except BrokenPipeError:  # `| head` has read enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return BROKEN_PIPE
-    except Interrupted as error:
-        print(f"transferkit: {error}", file=sys.stderr)
-        return INTERRUPTED
     except KeyboardInterrupt:
-        print(f"transferkit: stopped at once{KEPT.get(name, '')}", file=sys.stderr)
-        return INTERRUPTED
+        return _say(f"stopped at once{KEPT.get(name, '')}", INTERRUPTED)
     except (TransferkitError, OSError) as error:
-        print(f"transferkit: {error}", file=sys.stderr)
-        return USER_ERROR
+        return _say(worded(error), INTERRUPTED if isinstance(error, InterruptedRunError) else USER_ERROR)
+
+
+def _run(name: str, arguments: Sequence[str]) -> int:
+    if name not in COMMANDS:
+        raise UnknownNameError("command", name, list(COMMANDS), topic="commands")
+    command = importlib.import_module(f"transferkit.cli.{name}")
+    answer: Answer = command.main([argument for argument in arguments if argument != JSON_FLAG])
+    answer.show(as_json=JSON_FLAG in arguments)
+    sys.stdout.flush()
+    return answer.code
+
+
+def _parser() -> argparse.ArgumentParser:
+    lines = "\n".join(f"  {name:<11} {text}" for name, text in COMMANDS.items())
+    parser = argparse.ArgumentParser(
+        "transferkit",
+        description="Wrap a trained policy core onto another environment, train it there, prove that it helped.",
+        epilog=f"commands:\n{lines}\n\n`transferkit COMMAND --help` explains each; every command takes {JSON_FLAG}.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("command", metavar="COMMAND")
+    return parser
+
+
+def _say(text: str, code: int) -> int:
+    print(f"transferkit: {text}", file=sys.stderr)
+    return code
 
 
 def _one_line(failure: threading.ExceptHookArgs) -> None:
-    """A thread that fails, such as TensorBoard's writer on a full disk, is worth one line."""
+    """Report a thread that fails, such as TensorBoard's writer on a full disk, in one line."""
     print(f"transferkit: a background writer stopped: {failure.exc_value}", file=sys.stderr)

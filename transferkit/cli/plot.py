@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import print_json
+from transferkit.cli.answer import Answer, parser
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Draw a run."""
-    parser = argparse.ArgumentParser(
-        "transferkit plot",
-        description="Draw the learning curve of a run and how good its learnt model was, or the traces of a recorded episode.",
+def main(arguments: Sequence[str]) -> Answer:
+    """Draw a run or a recording."""
+    flags = parser(
+        "plot",
+        "Draw the learning curve of a run and the errors of its learnt model, or the traces of a recorded episode.",
     )
-    parser.add_argument("run", metavar="RUN|FILE.mcap", type=Path, help="run directory, finished or not, or a recording")
-    parser.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png or FILE.png")
-    parser.add_argument("--episode", type=int, default=0, help="of a recording")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
-    options = parser.parse_args(arguments)
-    from transferkit.pictures import draw_recording, draw_run  # noqa: PLC0415
+    flags.add_argument("run", metavar="RUN|FILE.mcap", type=Path, help="run directory, finished or not, or a recording")
+    flags.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png or FILE.png")
+    flags.add_argument("--episode", type=int, default=0, help="of a recording")
+    options = flags.parse_args(arguments)
+    from transferkit.plots import draw_recording, draw_run  # noqa: PLC0415 - matplotlib takes a second to import
 
     if options.run.is_dir():
         out = options.out or options.run / "curves.png"
@@ -28,7 +26,4 @@ def main(arguments: Sequence[str]) -> None:
     else:
         out = options.out or options.run.with_suffix(".png")
         draw_recording(options.run, out, episode=options.episode)
-    if options.json:
-        print_json({"picture": str(out)})
-    else:
-        print(out)
+    return Answer({"picture": str(out)}, str(out))

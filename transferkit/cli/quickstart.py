@@ -2,39 +2,62 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from transferkit.cli.output import print_json, progress
+from transferkit.cli.answer import Answer, parser
 from transferkit.table import format_table
 
+if TYPE_CHECKING:
+    from transferkit.quickstart import Outcome
 
-def main(arguments: Sequence[str]) -> None:
-    """Run the main job and print its tables."""
-    parser = argparse.ArgumentParser(
-        "transferkit quickstart",
-        description="Play the inverted-pendulum core on dm_control's cart-pole without training; then train it on "
+TWIN_TEXT = "{core} on its twin {twin}, untrained ({episodes} episodes a policy): the core's skill is there at once"
+TARGET_TEXT = "{core} on {target}, {episodes} episodes of training, seed {seed}: no help is to be expected here"
+NEGATIVE = """No map from two poles to one is known, and the core is not ahead of training from scratch.
+One seed shows how it works; experiments/studies has the claims, over many seeds and with controls."""
+
+
+def main(arguments: Sequence[str]) -> Answer:
+    """Run the main job; answers with its tables."""
+    flags = parser(
+        "quickstart",
+        "Play the inverted-pendulum core on dm_control's cart-pole without training; then train it on "
         "InvertedDoublePendulum-v5 for 200 episodes, beside the same budget from scratch.",
     )
-    parser.add_argument("--out", type=Path, default=Path("runs/quickstart"), help="folder of the runs and the picture")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
-    options = parser.parse_args(arguments)
-    from transferkit.quickstart import CORE, EPISODES, TARGET, TWIN, TWIN_EPISODES, quickstart  # noqa: PLC0415
+    flags.add_argument("--out", type=Path, default=Path("runs/quickstart"), help="folder of the runs and the picture")
+    flags.add_argument("--seed", type=int, default=0)
+    options = flags.parse_args(arguments)
+    from transferkit.cli.progress import progress  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.quickstart import quickstart  # noqa: PLC0415
 
     outcome = quickstart(options.out, progress, seed=options.seed)
-    if options.json:
-        print_json(asdict(outcome))
-        return
-    print(f"1. {CORE} on its twin {TWIN}, before any target step ({TWIN_EPISODES} episodes a policy)\n")
+    return Answer(asdict(outcome), _describe(outcome, options.seed))
+
+
+def _describe(outcome: Outcome, seed: int) -> str:
+    core, (twin, episodes), (target, budget) = outcome.core, outcome.twin_task, outcome.target_task
+    return "\n\n".join(
+        (
+            "1. " + TWIN_TEXT.format(core=core, twin=twin, episodes=episodes),
+            _untrained_table(outcome),
+            "2. " + TARGET_TEXT.format(core=core, target=target, episodes=budget, seed=seed),
+            _trained_table(outcome),
+            f"learning curves: {outcome.picture}\n{NEGATIVE}",
+        )
+    )
+
+
+def _untrained_table(outcome: Outcome) -> str:
     rows = [
         (z.who, f"{z.mean:.0f}", f"{z.low:.0f} to {z.high:.0f}", " ".join(f"{m:.0f}" for m in z.members)) for z in outcome.twin
     ]
-    print(format_table(("policy", "return", "95 % interval", "each member"), rows))
-    print(f"\n2. {TARGET}, {EPISODES} episodes of training, seed {options.seed}\n")
-    trained = [
+    return format_table(("policy", "return", "95 % interval", "each member"), rows)
+
+
+def _trained_table(outcome: Outcome) -> str:
+    rows = [
         (
             run.core or "scratch",
             run.episodes,
@@ -46,8 +69,5 @@ def main(arguments: Sequence[str]) -> None:
         for run in outcome.runs
     ]
     nothing = outcome.zero_action
-    trained.append(("zero action", 0, 0, "0.0", f"{nothing.mean:.1f}", f"{nothing.low:.1f} to {nothing.high:.1f}"))
-    header = ("policy", "episodes", "env steps", "seconds", "return", "95 % interval")
-    print(format_table(header, trained))
-    print(f"\nlearning curves: {outcome.picture}")
-    print("One seed shows how it works, not whether the core helps: that takes many seeds and controls.")
+    rows.append(("zero action", 0, 0, "0.0", f"{nothing.mean:.1f}", f"{nothing.low:.1f} to {nothing.high:.1f}"))
+    return format_table(("policy", "episodes", "env steps", "seconds", "return", "95 % interval"), rows)

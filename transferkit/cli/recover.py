@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.output import check_new, print_json
+from transferkit.cli.answer import Answer, parser
+from transferkit.cli.paths import check_new
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(arguments: Sequence[str]) -> Answer:
     """Make a whole file of a cut one."""
-    parser = argparse.ArgumentParser(
-        "transferkit recover", description="Copy every whole chunk of a cut MCAP file into a new one."
-    )
-    parser.add_argument("file", type=Path, metavar="FILE.mcap")
-    parser.add_argument("--out", type=Path, help="by default FILE.recovered.mcap")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
-    options = parser.parse_args(arguments)
-    from transferkit.record.recover import recover  # noqa: PLC0415
+    flags = parser("recover", "Copy every whole chunk of a cut MCAP file into a new one.")
+    flags.add_argument("file", type=Path, metavar="FILE.mcap")
+    flags.add_argument("--out", type=Path, help="by default FILE.recovered.mcap")
+    options = flags.parse_args(arguments)
+    from transferkit.record import recover  # noqa: PLC0415 - torch takes seconds to import
 
     out = options.out or options.file.with_suffix(".recovered.mcap")
-    check_new(out, "--out")
+    check_new(out, "out")
     messages, cut = recover(options.file, out)
-    if options.json:
-        print_json({"recording": str(out), "messages": messages, "cut": cut})
-    else:
-        print(f"{out}: {messages} messages; {options.file} was {'cut' if cut else 'whole'}")
+    text = f"{out}: {messages} messages; {options.file} was {'cut' if cut else 'whole'}"
+    return Answer({"recording": str(out), "messages": messages, "cut": cut}, text)

@@ -2,61 +2,57 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from transferkit.cli.output import check_new, print_json
+from transferkit.cli.answer import Answer, parser
+from transferkit.cli.paths import check_new
 from transferkit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from transferkit.record import Replayed
 
 DIFFERENT = 1
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Simulate a recording again; the exit status is 1 where `--check` finds a difference."""
-    parser = argparse.ArgumentParser(
-        "transferkit replay", description="Simulate a recording again from its states and actions."
-    )
-    parser.add_argument("file", type=Path, metavar="FILE.mcap")
-    parser.add_argument("--check", action="store_true", help="exit with 1 unless every number is the same to the bit")
-    parser.add_argument("--video", type=Path, metavar="FILE.mp4", help="draw it, by MuJoCo's offscreen renderer")
-    parser.add_argument("--json", action="store_true", help="print one JSON object and nothing else on stdout")
-    options = parser.parse_args(arguments)
-    from transferkit.record.video import check_renderer, choose_renderer, video  # noqa: PLC0415
-
-    if options.video:
-        check_new(options.video, "--video")
-        if options.video.suffix != ".mp4":
-            raise ConfigError(f"{options.video} cannot be written; pass --video FILE.mp4")
-        choose_renderer()
-        check_renderer()
-    from transferkit.record.reader import read, spec_of  # noqa: PLC0415
-    from transferkit.record.replay import replay  # noqa: PLC0415
-
-    if options.video:
-        time_step = spec_of(read(options.file, about_only=True), options.file).time_step
-        with video(options.video, time_step) as on_frame:
-            found = replay(options.file, on_frame=on_frame, render=True)
-    else:
-        found = replay(options.file)
-    if options.json:
-        print_json(
-            {
-                "episodes": found.episodes,
-                "steps": found.steps,
-                "complete": found.complete,
-                "difference": found.difference,
-                "versions": found.versions,
-            }
-        )
-    else:
-        cut = "" if found.complete else f"; {options.file} is cut, this is its whole part"
-        print(f"{found.episodes} episodes, {found.steps} steps: {_verdict(found.difference, found.versions)}{cut}")
-    return DIFFERENT if options.check and found.difference else 0
+def main(arguments: Sequence[str]) -> Answer:
+    """Simulate a recording again; the exit status is 1 if `--check` finds a difference."""
+    flags = parser("replay", "Simulate a recording again from its states and actions.")
+    flags.add_argument("file", type=Path, metavar="FILE.mcap")
+    flags.add_argument("--check", action="store_true", help="exit with 1 unless every number is the same to the bit")
+    flags.add_argument("--video", type=Path, metavar="FILE.mp4", help="draw it, by MuJoCo's offscreen renderer")
+    options = flags.parse_args(arguments)
+    replayed = _with_video(options.file, options.video) if options.video else _replay(options.file)
+    cut = "" if replayed.complete else f"; {options.file} is cut, this is its whole part"
+    text = f"{replayed.episodes} episodes, {replayed.steps} steps: {_verdict(replayed)}{cut}"
+    return Answer(asdict(replayed), text, DIFFERENT if options.check and replayed.difference else 0)
 
 
-def _verdict(difference: str, versions: dict[str, tuple[str, str]]) -> str:
-    others = ", ".join(f"{name} {recorded} recorded, {here} here" for name, (recorded, here) in versions.items())
-    if not difference:
+def _replay(file: Path) -> Replayed:
+    from transferkit.record import replay_recording  # noqa: PLC0415 - torch takes seconds to import
+
+    return replay_recording(file)
+
+
+def _with_video(file: Path, out: Path) -> Replayed:
+    check_new(out, "video")
+    if out.suffix != ".mp4":
+        raise ConfigError(f"ending of {out}", value=out.suffix, allowed=".mp4")
+    from transferkit.cli.renderer import check_renderer, choose_renderer  # noqa: PLC0415 - before mujoco is imported
+
+    choose_renderer()
+    check_renderer()
+    from transferkit.record import read, replay_recording, spec_of  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.video import video  # noqa: PLC0415
+
+    with video(out, spec_of(read(file, about_only=True), file).time_step) as on_frame:
+        return replay_recording(file, on_frame=on_frame, render=True)
+
+
+def _verdict(replayed: Replayed) -> str:
+    others = ", ".join(f"{name} {recorded} recorded, {here} here" for name, (recorded, here) in replayed.versions.items())
+    if not replayed.difference:
         return "reproduced to the bit" + (f", with {others}" if others else "")
-    return f"differs from {difference}; " + (f"versions differ: {others}" if others else "the versions are the same")
+    return f"differs from {replayed.difference}; " + (f"versions differ: {others}" if others else "the versions are the same")

@@ -2,33 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from transferkit.budget import Budget
-from transferkit.cli.flags import parse, preset_from
-from transferkit.cli.output import print_json, progress
+from transferkit.cli.answer import Answer
+from transferkit.cli.flags import defaults, parse
 from transferkit.config import TrainConfig
-from transferkit.errors import ConfigError
+from transferkit.errors import SettingError
 from transferkit.table import format_table
 
 
-def main(arguments: Sequence[str]) -> None:
-    """Train a policy and print its result."""
-    default = preset_from(arguments)
+@dataclass(frozen=True)
+class _Request:
+    config: TrainConfig
+    out: Path | None
+    resume: bool
+    record_every: int
+
+
+def main(arguments: Sequence[str]) -> Answer:
+    """Train a policy; answers with its result."""
+    default = defaults(arguments)
 
     def command(
         config: Annotated[TrainConfig, tyro.conf.arg(name="")] = default,
         out: Path | None = None,
         resume: bool = False,
         record: str | None = None,
-        json: bool = False,
-    ) -> Callable[[], None]:
+    ) -> _Request:
         """Train a policy around a core, or from scratch without one, and evaluate it.
 
         Args:
@@ -36,11 +42,10 @@ def main(arguments: Sequence[str]) -> None:
             out: run directory; by default `runs/` with a name made of the configuration.
             resume: go on where the run directory stopped, to the bit.
             record: `every=N` records an episode of every Nth evaluation as MCAP in the run directory.
-            json: print one JSON object and nothing else on stdout.
         """
-        return partial(_train, config, out, resume=resume, record_every=_every(record), json=json)
+        return _Request(config, out, resume, _every(record))
 
-    parse(command, "transferkit train", arguments)()
+    return _train(parse(command, "transferkit train", arguments))
 
 
 def _every(record: str | None) -> int:
@@ -48,17 +53,19 @@ def _every(record: str | None) -> int:
         return 0
     name, _, number = record.partition("=")
     if name != "every" or not number.isdigit() or not int(number):
-        raise ConfigError(f"record={record!r} must be every=N with a whole number above 0; pass --record every=1")
+        raise SettingError("record", value=record, allowed="every=N with a whole number above 0")
     return int(number)
 
 
-def _train(config: TrainConfig, out: Path | None, *, resume: bool, record_every: int, json: bool) -> None:
-    from transferkit.transfer import run_training  # noqa: PLC0415 - seconds to import
+def _train(request: _Request) -> Answer:
+    from transferkit.cli.progress import progress  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.training import run_training  # noqa: PLC0415
 
-    budget = Budget(config.episodes, config.steps, config.seconds)
-    with progress(f"{config.core or 'scratch'} on {config.env}", budget) as report:
-        result = run_training(config, out=out, resume=resume, report=report, record_every=record_every)
-    if json:
-        print_json(asdict(result))
-    else:
-        print(format_table(("", config.env), [(name, str(value)) for name, value in asdict(result).items()]))
+    config = request.config
+    with progress(
+        f"{config.core or 'scratch'} on {config.env}", Budget(config.episodes, config.steps, config.seconds)
+    ) as report:
+        result = asdict(
+            run_training(config, out=request.out, resume=request.resume, report=report, record_every=request.record_every)
+        )
+    return Answer(result, format_table(("", config.env), [(name, str(value)) for name, value in result.items()]))

@@ -6,38 +6,36 @@ import argparse
 from collections.abc import Sequence
 from typing import Any
 
-from transferkit.cli.output import print_json
+from transferkit.cli.answer import Answer, parser
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
 from transferkit.zoo.card import Card, read_card
 from transferkit.zoo.catalog import core_folders, find_core, list_cards
 
 
-def main(arguments: Sequence[str]) -> None:
+def main(arguments: Sequence[str]) -> Answer:
     """List, show or verify cores."""
-    parser = argparse.ArgumentParser("transferkit zoo", description="The cores that can be wrapped onto an environment.")
-    actions = parser.add_subparsers(dest="action", required=True)
-    listing = actions.add_parser("list", help="one line a core")
+    flags = parser("zoo", "The cores that can be wrapped onto an environment.")
+    actions = flags.add_subparsers(dest="action", required=True)
+    actions.add_parser("list", help="one line a core")
     show = actions.add_parser("show", help="everything about a core")
     show.add_argument("id")
     verify = actions.add_parser("verify", help="check hashes, schema and probe outputs, and roll out the stated score")
     verify.add_argument("ids", nargs="*", metavar="ID")
     verify.add_argument("--all", action="store_true", help="every core of the zoo")
     verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source again")
-    for action in (listing, show, verify):
-        action.add_argument("--json", action="store_true", help="print one JSON value and nothing else")
-    options = parser.parse_args(arguments)
-    {"list": _list, "show": _show, "verify": _verify}[options.action](options)
+    options = flags.parse_args(arguments)
+    return {"list": _list, "show": _show, "verify": _verify}[options.action](options)
 
 
 def summary(card: Card) -> dict[str, Any]:
-    """A core in one line."""
+    """Sum up a core in one line."""
     return {
         "id": card.id,
         "source_env": card.source.env_id,
         "obs_dim": card.source.obs_dim,
         "act_dim": card.source.act_dim,
-        "parts": list(card.parts),
+        "parts": list(card.components),
         "members": len(card.seeds),
         "score_mean": card.score.mean,
         "score_low": card.score.low,
@@ -46,12 +44,10 @@ def summary(card: Card) -> dict[str, Any]:
     }
 
 
-def _list(options: argparse.Namespace) -> None:
+def _list(options: argparse.Namespace) -> Answer:
+    del options
     rows = [summary(card) for card in list_cards()]
-    if options.json:
-        print_json(rows)
-        return
-    header = ("id", "source", "obs", "act", "parts", "members", "score", "95 % interval", "threshold")
+    header = ("id", "source", "obs", "act", "components", "members", "score", "95 % interval", "threshold")
     table = [
         (
             row["id"],
@@ -66,29 +62,25 @@ def _list(options: argparse.Namespace) -> None:
         )
         for row in rows
     ]
-    print(format_table(header, table) if rows else "no cores found; `transferkit pretrain` makes one")
+    return Answer(rows, format_table(header, table) if rows else "no cores found; `transferkit pretrain` makes one")
 
 
-def _show(options: argparse.Namespace) -> None:
+def _show(options: argparse.Namespace) -> Answer:
+    from transferkit.zoo.readme import render  # noqa: PLC0415 - the list, which must be instant, needs none
+
     card = read_card(find_core(options.id))
-    if options.json:
-        print_json(card.to_json())
-        return
-    from transferkit.zoo.readme import render  # noqa: PLC0415
-
-    print(render(card))
+    return Answer(card.to_json(), render(card))
 
 
-def _verify(options: argparse.Namespace) -> None:
+def _verify(options: argparse.Namespace) -> Answer:
     from transferkit.zoo.verify import verify  # noqa: PLC0415 - torch takes seconds to import
 
     names = list(core_folders()) if options.all else options.ids
     if not names:
-        raise ConfigError("no core to verify; name one (`transferkit zoo list`) or pass --all")
+        raise ConfigError("no core to verify", remedy="name one, or use {all=True}", topic="cores")
     reports = [verify(name, rollout=options.rollout) for name in names]
-    if options.json:
-        print_json(reports)
-        return
+    lines = []
     for report in reports:
         rolled = f", rolled out {report['rollout_mean']:.1f}" if options.rollout else ""
-        print(f"{report['id']}: hashes, schema and probe outputs fit (largest difference {report['probe']:.1e}){rolled}")
+        lines.append(f"{report['id']}: hashes, schema and probe outputs fit (largest difference {report['probe']:.1e}){rolled}")
+    return Answer(reports, "\n".join(lines))

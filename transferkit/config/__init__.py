@@ -1,20 +1,33 @@
 """Configuration as frozen dataclasses: one source for defaults, command-line flags and records."""
 
-from transferkit.config.dyna import DYNA_PRESETS, DynaConfig
-from transferkit.config.names import Algorithm, Preset
-from transferkit.config.ppo import PPO_PRESETS, PPOConfig
-from transferkit.config.train import TrainConfig, preset
-from transferkit.config.wrap import WRAP_PRESETS, WrapConfig
+from transferkit.config.dyna import DynaConfig
+from transferkit.config.dyna_ppo import DynaPPOConfig
+from transferkit.config.env import EnvConfig
+from transferkit.config.migrate import migrated_blueprint
+from transferkit.config.model import ModelConfig
+from transferkit.config.network import NetworkConfig
+from transferkit.config.ppo import PPOConfig
+from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, Preset, preset_version
+from transferkit.config.train import TrainConfig, identity, overrides, with_settings
+from transferkit.config.wrap import WrapConfig
 
 __all__ = [
-    "DYNA_PRESETS",
-    "PPO_PRESETS",
-    "WRAP_PRESETS",
+    "PRESETS",
+    "SECTIONS",
+    "USED",
     "Algorithm",
     "DynaConfig",
+    "DynaPPOConfig",
+    "EnvConfig",
+    "ModelConfig",
+    "NetworkConfig",
     "PPOConfig",
     "Preset",
     "TrainConfig",
     "WrapConfig",
-    "preset",
+    "identity",
+    "migrated_blueprint",
+    "overrides",
+    "preset_version",
+    "with_settings",
 ]

@@ -3,31 +3,54 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Annotated, Any, get_args
 
-from transferkit.config.dyna import DYNA_PRESETS, DynaConfig
-from transferkit.config.names import Algorithm, Preset, check_choices
-from transferkit.config.ppo import PPO_PRESETS, PPOConfig
-from transferkit.config.wrap import WRAP_PRESETS, WrapConfig
-from transferkit.errors import ConfigError
+from transferkit.config.checks import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, check
+from transferkit.config.dyna import DynaConfig
+from transferkit.config.dyna_ppo import DynaPPOConfig
+from transferkit.config.env import EnvConfig
+from transferkit.config.migrate import migrated
+from transferkit.config.model import ModelConfig
+from transferkit.config.network import NetworkConfig
+from transferkit.config.ppo import PPOConfig
+from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, preset_version
+from transferkit.config.wrap import WrapConfig
+from transferkit.errors import ConfigError, SettingError, UnknownNameError
+
+FROM_PRESET: Any = None
+"""A section that is left out is filled in from the preset."""
+
+DETERMINED_BY = (
+    "env",
+    "seed",
+    "episodes",
+    "steps",
+    "seconds",
+    "eval_episodes",
+    "eval_every",
+    "stop_at",
+    "experience",
+    "mapping",
+)
+"""Fields besides the settings that determine a run's numbers."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Everything a training run is determined by, besides its budget's clock."""
+    """Everything that determines a training run."""
 
     env: str
     """Environment id."""
     core: str | None = None
     """Core id or folder; None trains from scratch."""
-    member: int = 0
+    member: Annotated[int, NOT_NEGATIVE] = 0
     """Which of the core's source seeds."""
     algo: Algorithm = "ppo"
     """Trainer."""
-    preset: Preset = "default"
-    """What the other fields were filled from."""
-    seed: int = 0
+    preset: str = "default"
+    """Settings to start from: `default`, `paper`, or one version of them, such as `default-v1`."""
+    seed: Annotated[int, NOT_NEGATIVE] = 0
     """Seed of every random stream."""
     episodes: int | None = None
     """Budget in completed episodes."""
@@ -35,13 +58,13 @@ class TrainConfig:
     """Budget in environment steps."""
     seconds: float | None = None
     """Budget in seconds of training."""
-    eval_episodes: int = 20
+    eval_episodes: Annotated[int, AT_LEAST_ONE] = 20
     """Episodes of an evaluation."""
-    eval_every: int = 0
+    eval_every: Annotated[int, NOT_NEGATIVE] = 0
     """Environment steps between evaluations, the first before any training; 0 evaluates at the end only."""
     stop_at: float | None = None
     """Mean return of an evaluation, after the first one, that ends training before the budget does."""
-    checkpoint_seconds: float = 20.0
+    checkpoint_seconds: Annotated[float, NOT_NEGATIVE] = 20.0
     """Least time between checkpoints."""
     device: str = "cpu"
     """Torch device of the networks, `cpu` or `cuda`."""
@@ -49,43 +72,122 @@ class TrainConfig:
     """dyna-ddpg: recordings (FILE.mcap) and Minari datasets (minari:NAME) to learn from before the first real step."""
     mapping: str | None = None
     """TOML file that names the channels of other tools' recordings."""
-    ppo: PPOConfig = field(default_factory=PPOConfig)
+    env_config: EnvConfig = FROM_PRESET
+    """How the policy meets the environment."""
+    network: NetworkConfig = FROM_PRESET
+    """The network without a core."""
+    ppo: PPOConfig = FROM_PRESET
     """PPO's settings."""
-    dyna: DynaConfig = field(default_factory=DynaConfig)
+    dyna: DynaConfig = FROM_PRESET
     """DYNA-DDPG's settings."""
-    wrap: WrapConfig = field(default_factory=WrapConfig)
+    dyna_ppo: DynaPPOConfig = FROM_PRESET
+    """DYNA-PPO's settings, beside PPO's."""
+    model: ModelConfig = FROM_PRESET
+    """The learnt model's settings, for DYNA-DDPG and DYNA-PPO."""
+    wrap: WrapConfig = FROM_PRESET
     """The sandwich's settings."""
 
     def __post_init__(self) -> None:
-        check_choices(self)
-        if self.eval_episodes < 1:
-            raise ConfigError(f"eval_episodes={self.eval_episodes} must be at least 1; pass --eval-episodes N")
-        if self.eval_every < 0:
-            raise ConfigError(f"eval_every={self.eval_every} must be at least 0; pass --eval-every STEPS")
-        if self.stop_at is not None and not self.eval_every:
-            raise ConfigError(f"stop_at={self.stop_at:g} is compared with evaluations; pass --eval-every STEPS with it")
-        if self.experience and self.algo != "dyna-ddpg":
-            raise ConfigError(f"{self.algo} does not learn from recordings; pass --algo dyna-ddpg, or leave out --experience")
-        if self.mapping and not self.experience:
-            raise ConfigError(f"mapping={self.mapping} has no recordings to read; pass --experience FILE.mcap with it")
-        if self.algo == "dyna-ppo" and self.dyna.model_loss != "likelihood":
-            raise ConfigError("dyna-ppo needs a model that learns rewards; the paper has no code for it: pass --preset default")
+        if self.algo not in PRESETS:
+            raise UnknownNameError("trainer", self.algo, get_args(Algorithm))
+        version = preset_version(self.algo, self.preset)
+        object.__setattr__(self, "preset", version)
+        for name in SECTIONS:
+            if getattr(self, name) is FROM_PRESET:
+                object.__setattr__(self, name, getattr(PRESETS[self.algo][version], name))
+        check(self)
+        _check_combinations(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> TrainConfig:
-        """What `dataclasses.asdict` made a run's record of; settings that are newer than the record have their defaults."""
-        parts = {name: kind(**_tuples(data[name])) for name, kind in PARTS.items()}
-        return cls(**_tuples({f.name: data[f.name] for f in fields(cls) if f.name in data} | parts))
+        """Read the configuration of a record, of this version or of an earlier one; what else is recorded is left out.
+
+        Raises:
+            ConfigError: a field is missing, or no version knows it.
+        """
+        try:
+            data = migrated(data)
+            sections = {name: _section(name, data[name]) for name in SECTIONS}
+            plain = {f.name: data[f.name] for f in fields(cls) if f.name in data}
+            return cls(**_tuples(plain | sections))
+        except (KeyError, TypeError, AttributeError) as error:
+            raise ConfigError(f"the record does not hold a configuration of this version ({error})") from None
 
 
-PARTS = {"ppo": PPOConfig, "dyna": DynaConfig, "wrap": WrapConfig}
+def overrides(config: TrainConfig) -> dict[str, Any]:
+    """The settings that the run reads and that differ from its preset, by dotted name, JSON-ready."""
+    preset, found = PRESETS[config.algo][config.preset], {}
+    for section in USED[config.algo]:
+        if section == "wrap" and config.core is None:
+            continue
+        own, given = (asdict(getattr(side, section)) for side in (config, preset))
+        found |= {f"{section}.{name}": _listed(value) for name, value in own.items() if value != given[name]}
+    return found
+
+
+def identity(config: TrainConfig) -> dict[str, Any]:
+    """What determines the run's numbers, JSON-ready: its preset's version and overrides, budget, seed and evaluation.
+
+    Settings that the run does not read, and options that are not used, are left out.
+    """
+    plain = {name: _listed(getattr(config, name)) for name in DETERMINED_BY}
+    core = {"core": config.core, "member": config.member} if config.core is not None else {}
+    device = {"device": config.device} if config.device != "cpu" else {}
+    settings = {"algo": config.algo, "preset": config.preset, "overrides": overrides(config)}
+    return {name: value for name, value in (plain | core | device | settings).items() if value not in (None, [], {})}
+
+
+def with_settings(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConfig:
+    """The configuration with settings by dotted name, such as `{"ppo.gamma": 0.98}`; `"none"` stands for None.
+
+    Raises:
+        UnknownNameError: there is no such setting.
+        SettingError: a value does not fit.
+    """
+    changed: dict[str, dict[str, Any]] = {}
+    for name, value in settings.items():
+        section, _, key = name.partition(".")
+        if section not in SECTIONS or key not in getattr(config, section).__dataclass_fields__:
+            known = [f"{part}.{key}" for part in SECTIONS for key in getattr(config, part).__dataclass_fields__]
+            raise UnknownNameError("setting", name, known)
+        changed.setdefault(section, {})[key] = tuple(value) if isinstance(value, list) else None if value == "none" else value
+    # All of a section at once: one setting may need another.
+    return replace(config, **{section: replace(getattr(config, section), **own) for section, own in changed.items()})
+
+
+def _section(name: str, data: Mapping[str, Any]) -> Any:  # noqa: ANN401 - one of the sections
+    return type(getattr(PRESETS["ppo"]["default-v2"], name))(**_tuples(data))
 
 
 def _tuples(data: Mapping[str, Any]) -> dict[str, Any]:
-    """With tuples where JSON has lists."""
     return {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
 
 
-def preset(config: TrainConfig, name: Preset) -> TrainConfig:
-    """The configuration with every setting of its trainer and its sandwich as the preset has them."""
-    return replace(config, preset=name, ppo=PPO_PRESETS[name], dyna=DYNA_PRESETS[name], wrap=WRAP_PRESETS[name])
+def _listed(value: object) -> object:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _check_combinations(config: TrainConfig) -> None:
+    for name, limit in (("episodes", config.episodes), ("steps", config.steps), ("seconds", config.seconds)):
+        if limit is not None and limit not in POSITIVE:
+            raise SettingError(name, value=limit, allowed=str(POSITIVE))
+    if config.stop_at is not None and not config.eval_every:
+        raise ConfigError(f"stop_at={config.stop_at:g} is compared with evaluations", remedy="give {eval_every} too")
+    if config.experience and config.algo != "dyna-ddpg":
+        raise ConfigError(f"{config.algo} does not learn from recordings", remedy="use {algo=dyna-ddpg}, or no {experience}")
+    if config.mapping and not config.experience:
+        raise ConfigError(f"mapping={config.mapping} has no recordings to read", remedy="give {experience} too")
+    if config.model.loss == "squared-error":
+        _check_squared_error(config)
+
+
+def _check_squared_error(config: TrainConfig) -> None:
+    """The paper's model learns neither rewards nor terminations."""
+    learns = config.dyna.planned_reward == "learned" or config.dyna.planned_termination
+    if config.algo == "dyna-ppo" or (config.algo == "dyna-ddpg" and learns):
+        raise SettingError(
+            "model.loss",
+            value=config.model.loss,
+            allowed="'likelihood', which learns rewards and terminations",
+            remedy="for dyna-ddpg set {dyna.planned_reward=minus-norm} and {dyna.planned_termination=False} instead",
+        )

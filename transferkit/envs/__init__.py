@@ -1,7 +1,25 @@
-"""Environments by id under one contract, their vector form, and the meaning of their numbers."""
+"""Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
-from transferkit.envs.make import environment_ids, episode_limit, make_env, time_step
+from transferkit.envs.make import NO_LIMIT, dims, environment_ids, episode_limit, make_env, time_step
 from transferkit.envs.probe import derive_spec
-from transferkit.envs.vector import Step, VectorEnv
+from transferkit.envs.rollout import Actor, Transition, rollout
+from transferkit.envs.simulation import Simulation, open_simulation
+from transferkit.envs.vector import Count, Step, VectorEnv
 
-__all__ = ["Step", "VectorEnv", "derive_spec", "environment_ids", "episode_limit", "make_env", "time_step"]
+__all__ = [
+    "NO_LIMIT",
+    "Actor",
+    "Count",
+    "Simulation",
+    "Step",
+    "Transition",
+    "VectorEnv",
+    "derive_spec",
+    "dims",
+    "environment_ids",
+    "episode_limit",
+    "make_env",
+    "open_simulation",
+    "rollout",
+    "time_step",
+]

@@ -1,11 +1,8 @@
 """The joints and actuators of a MuJoCo model, with names that do not depend on who wrote the model."""
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco's names come from compiled modules that pyright cannot read.
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,8 +14,10 @@ FREE, BALL, SLIDE, HINGE = range(4)
 AXES = "xyz"
 
 
-def read_joints(model: Any, data: Any) -> list[Joint]:  # noqa: ANN401 - mujoco's types
-    """One `Joint` per degree of freedom, in the order of `qvel`; data must hold the reference pose after mj_forward."""
+def read_joints(model: mujoco.MjModel) -> list[Joint]:
+    """Read one `Joint` per degree of freedom, at the reference pose, in the order of `qvel`."""
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
     joints: list[Joint] = []
     last_of_body: dict[int, str] = {}
     used: Counter[str] = Counter()
@@ -36,31 +35,32 @@ def read_joints(model: Any, data: Any) -> list[Joint]:  # noqa: ANN401 - mujoco'
     return joints
 
 
-def read_actuators(
-    low: NDArray,
-    high: NDArray,
-    model: Any,  # noqa: ANN401 - mujoco's type
-    joints: list[Joint],
-) -> list[Actuator]:
-    """One `Actuator` per element of the action, with the bounds `(act_dim,)` the environment states."""
-    actuators = []
-    for k in range(len(low)):
-        joint, gear, unit, authority = None, 1.0, "", 0.0
-        model_name = f"action{k}"
-        if len(low) == model.nu:
-            model_name = model.actuator(k).name or f"actuator{k}"
-            target = int(model.actuator_trnid[k, 0])
-            if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.jnt_type[target] in (SLIDE, HINGE):
-                driven = joints[int(model.jnt_dofadr[target])]
-                joint, unit = driven.name, "N" if driven.type == "slide" else "N m"
-                authority = _authority(model, k, int(model.jnt_dofadr[target]), float(high[k] - low[k]) / 2)
-            gear = float(model.actuator_gear[k, 0] * model.actuator_gainprm[k, 0])
-        name = f"drive.{joint}" if joint else model_name
-        actuators.append(Actuator(name, model_name, joint, float(low[k]), float(high[k]), gear, authority, unit))
-    return actuators
+def read_actuators(low: NDArray, high: NDArray, model: mujoco.MjModel, joints: list[Joint]) -> list[Actuator]:
+    """Read one `Actuator` per element of the action, with the bounds `(act_dim,)` that the environment states."""
+    if len(low) != model.nu:
+        return unknown_actuators(low, high)
+    return [_read_actuator(k, float(low[k]), float(high[k]), model, joints) for k in range(len(low))]
 
 
-def _authority(model: Any, actuator: int, dof: int, control: float) -> float:  # noqa: ANN401
+def unknown_actuators(low: NDArray, high: NDArray) -> list[Actuator]:
+    """Actuators of which only the bounds `(act_dim,)` are known."""
+    bounds = enumerate(zip(low, high, strict=True))
+    return [Actuator(f"action{k}", f"action{k}", None, float(a), float(b), 1.0, 0.0, "") for k, (a, b) in bounds]
+
+
+def _read_actuator(k: int, low: float, high: float, model: mujoco.MjModel, joints: list[Joint]) -> Actuator:
+    model_name = model.actuator(k).name or f"actuator{k}"
+    gear = float(model.actuator_gear[k, 0] * model.actuator_gainprm[k, 0])
+    target = int(model.actuator_trnid[k, 0])
+    if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT or model.jnt_type[target] not in (SLIDE, HINGE):
+        return Actuator(model_name, model_name, None, low, high, gear, 0.0, "")
+    dof = int(model.jnt_dofadr[target])
+    driven, authority = joints[dof], _authority(model, k, dof, (high - low) / 2)
+    unit = "N" if driven.type == "slide" else "N m"
+    return Actuator(f"drive.{driven.name}", model_name, driven.name, low, high, gear, authority, unit)
+
+
+def _authority(model: mujoco.MjModel, actuator: int, dof: int, control: float) -> float:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     before = data.qacc[dof]
@@ -69,7 +69,7 @@ def _authority(model: Any, actuator: int, dof: int, control: float) -> float:  #
     return round(float(data.qacc[dof] - before), 4)
 
 
-def _parent(model: Any, body: int, last_of_body: dict[int, str]) -> str | None:  # noqa: ANN401
+def _parent(model: mujoco.MjModel, body: int, last_of_body: dict[int, str]) -> str | None:
     while body > 0:
         if body in last_of_body:
             return last_of_body[body]

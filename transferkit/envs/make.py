@@ -4,8 +4,6 @@ One flat float32 observation, actions in [-1, 1] that are clipped and scaled to 
 truncated apart, `reset(seed=)` deterministic.
 """
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco's names come from compiled modules that pyright cannot read.
 from __future__ import annotations
 
 import logging
@@ -25,8 +23,8 @@ mujoco.set_mju_user_warning(logging.getLogger("mujoco").info)
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 
 DM_CONTROL_PREFIX = "dm_control/"
-LISTING = "transferkit envs list"
-CONTINUOUS = f"transferkit takes flat Box observations and bounded Box actions; `{LISTING}` lists what fits"
+NO_LIMIT = 100_000
+"""Steps after which an episode of an environment without a time limit is given up."""
 
 
 def environment_ids() -> list[str]:
@@ -42,7 +40,7 @@ def environment_ids() -> list[str]:
 
 
 def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_actions: bool = True) -> Env:
-    """The environment under transferkit's contract.
+    """Put an environment under transferkit's contract.
 
     Args:
         env: an id of Gymnasium's registry, `dm_control/<domain>-<task>-v0`, or an environment of your own.
@@ -57,18 +55,15 @@ def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_a
     if isinstance(raw, Contract):
         return raw
     name = env if isinstance(env, str) else _name(raw)
-    actions, observations = raw.action_space, raw.observation_space
-    if not isinstance(actions, Box) or len(actions.shape) != 1:
-        raise EnvironmentContractError(f"environment {name} has actions {actions}; {CONTINUOUS}")
-    if not isinstance(observations, Box) or len(observations.shape) != 1:
-        raise EnvironmentContractError(f"environment {name} has observations {observations}; {CONTINUOUS}")
-    if not (np.isfinite(actions.low).all() and np.isfinite(actions.high).all()):
-        raise EnvironmentContractError(f"environment {name} has unbounded actions {actions}; {CONTINUOUS}")
+    for what, space, bounded in (("action", raw.action_space, True), ("observation", raw.observation_space, False)):
+        if not isinstance(space, Box) or len(space.shape) != 1 or (bounded and not space.is_bounded()):
+            raise EnvironmentContractError(
+                f"{what} space of {name}",
+                value=space,
+                allowed=f"a flat{' and bounded' * bounded} Box",
+                topic="environments",
+            )
     return Contract(raw, clip=clip_actions)
-
-
-NO_LIMIT = 100_000
-"""Steps after which an episode of an environment without a time limit is given up."""
 
 
 class Contract(gymnasium.Wrapper):
@@ -102,33 +97,45 @@ class Contract(gymnasium.Wrapper):
         return np.array(observation, np.float32), float(reward), bool(terminated), bool(truncated), info
 
 
+def dims(env: gymnasium.Env) -> tuple[int, int]:
+    """Lengths of the observation and of the action of an environment under the contract."""
+    observations, actions = env.observation_space.shape, env.action_space.shape
+    assert observations is not None
+    assert actions is not None
+    return observations[0], actions[0]
+
+
 def episode_limit(env: gymnasium.Env) -> int | None:
-    """Control steps until the environment truncates; None where it never does."""
+    """Control steps until the environment truncates; None if it never does."""
     if env.spec is not None and env.spec.max_episode_steps is not None:
         return env.spec.max_episode_steps
     return getattr(env.unwrapped, "episode_limit", None)
 
 
 def time_step(env: gymnasium.Env) -> float:
-    """Seconds of simulated time per step; 0.0 where the environment does not say."""
+    """Seconds of simulated time per step; 0.0 if the environment does not say."""
     return float(getattr(env.unwrapped, "dt", 0.0))
 
 
 def _from_id(env_id: str, render_mode: str | None) -> gymnasium.Env:
     if env_id.startswith(DM_CONTROL_PREFIX):
-        import envs_dmc  # noqa: PLC0415
-
-        if env_id not in envs_dmc.task_ids():
-            raise UnknownNameError("environment", env_id, environment_ids(), LISTING)
-        return envs_dmc.make(env_id, render_mode)
+        return _from_suite(env_id, render_mode)
     kwargs: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
     try:
         return gymnasium.make(env_id, disable_env_checker=True, **kwargs)
     except (gymnasium.error.UnregisteredEnv, gymnasium.error.NameNotFound):
-        raise UnknownNameError("environment", env_id, environment_ids(), LISTING) from None
+        raise UnknownNameError("environment", env_id, environment_ids(), topic="environments") from None
     except (gymnasium.error.Error, ImportError) as error:
         reason = str(error).splitlines()[0]
-        raise EnvironmentContractError(f"environment {env_id} cannot be made: {reason}") from error
+        raise EnvironmentContractError(f"environment {env_id} cannot be made: {reason}", topic="environments") from error
+
+
+def _from_suite(env_id: str, render_mode: str | None) -> gymnasium.Env:
+    import envs_dmc  # noqa: PLC0415 - takes seconds to import
+
+    if env_id not in envs_dmc.task_ids():
+        raise UnknownNameError("environment", env_id, environment_ids(), topic="environments")
+    return envs_dmc.make(env_id, render_mode)
 
 
 def _name(env: gymnasium.Env) -> str:

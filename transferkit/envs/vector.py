@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import gymnasium
 import numpy as np
@@ -41,6 +41,14 @@ class Step:
         return self.terminated | self.truncated
 
 
+class Count(Protocol):
+    """Books one step of one environment."""
+
+    def __call__(self, index: int, reward: float, *, terminated: bool, truncated: bool) -> bool:
+        """Return True once the budget is reached."""
+        ...
+
+
 class VectorEnv:
     """Environments under `make_env`'s contract, stepped one after the other, reset in the step that ends an episode."""
 
@@ -59,14 +67,14 @@ class VectorEnv:
         self._actions: list[list[NDArray[np.float32]]] = [[] for _ in self.envs]
 
     def reset(self) -> NDArray[np.float32]:
-        """Start episode 0 of every environment; observations `(num_envs, obs_dim)`."""
+        """Start episode 0 of every environment; returns observations `(num_envs, obs_dim)`."""
         return np.stack([self._start(i, 0) for i in range(self.num_envs)])
 
-    def step(self, actions: NDArray[np.float32], count: Callable[[int, float, bool, bool], bool] | None = None) -> Step:
+    def step(self, actions: NDArray[np.float32], count: Count | None = None) -> Step:
         """Step the environments in order with actions `(num_envs, act_dim)`.
 
-        `count(env_index, reward, terminated, truncated)` is called after each single environment step; once it returns
-        True the environments behind it are left as they are, and the result has that many fewer rows.
+        `count` is called after each single environment step; once it returns True the environments behind it are left as
+        they are, and the result has that many fewer rows.
 
         Raises:
             NotFiniteError: an observation or reward is NaN or infinite.
@@ -79,14 +87,17 @@ class VectorEnv:
             if not math.isfinite(observation.sum(dtype=np.float64) + reward):
                 raise NotFiniteError(
                     f"environment {i} returned a NaN or infinite value in step {len(self._actions[i])} of its episode "
-                    f"{self._episode[i]}; check the environment or lower the learning rate"
+                    f"{self._episode[i]}",
+                    remedy="check the environment, or lower the learning rate",
                 )
             truncated = bool(truncated and not terminated)
             held = self._episode[i] == 0 and len(self._actions[i]) < self._overrun_steps
             done = (bool(terminated) or truncated) and not held
             following = self._start(i, self._episode[i] + 1) if done else observation
             rows.append((following, reward, bool(terminated), truncated, observation))
-            if count is not None and count(i, float(reward), done and bool(terminated), done and truncated):
+            if count is not None and count(
+                i, float(reward), terminated=done and bool(terminated), truncated=done and truncated
+            ):
                 break
         following, reward, terminated, truncated, final = zip(*rows, strict=True)
         return Step(
@@ -98,14 +109,14 @@ class VectorEnv:
         )
 
     def state(self) -> dict[str, Any]:
-        """What `restore` needs: per environment the episode number and the actions since its reset."""
+        """Return what `restore` needs: per environment the episode number and the actions since its reset."""
         return {
             "episode": list(self._episode),
             "actions": [np.array(actions, np.float32).tolist() for actions in self._actions],
         }
 
     def restore(self, state: dict[str, Any]) -> NDArray[np.float32]:
-        """Replay each running episode; the observations `(num_envs, obs_dim)` the next actions are chosen from."""
+        """Replay each running episode; returns the observations `(num_envs, obs_dim)` that the next actions are chosen from."""
         observations = []
         for i, (episode, actions) in enumerate(zip(state["episode"], state["actions"], strict=True)):
             observation = self._start(i, episode)

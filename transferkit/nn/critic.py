@@ -8,10 +8,10 @@ import torch
 from torch import Tensor, nn
 
 from transferkit.nn.layers import Linear, mlp
-from transferkit.nn.normalizer import Normalizer
+from transferkit.nn.normalizer import Normalizer, Shared
 
 Value = Callable[[Tensor, Tensor], Tensor]
-"""Of observations `(B, obs_dim)` and actions `(B, act_dim)`, `(B,)`."""
+"""Maps observations `(B, obs_dim)` and actions `(B, act_dim)` to values `(B,)`."""
 
 
 class JointInput(nn.Module):
@@ -19,12 +19,11 @@ class JointInput(nn.Module):
 
     def __init__(self, normalizer: Normalizer | None) -> None:
         super().__init__()
-        # In a list, so that the statistics are saved once, with the policy they belong to.
-        self._normalizer = [normalizer or nn.Identity()]
+        self._normalize = Shared(normalizer)  # the policy owns it
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """What the ensemble sees."""
-        return torch.cat((self._normalizer[0](observation), action), -1)
+        """Join what the ensemble sees."""
+        return torch.cat((self._normalize(observation), action), -1)
 
 
 class Critic(nn.Module):
@@ -35,11 +34,11 @@ class Critic(nn.Module):
         self.inputs, self.ensemble = inputs, ensemble
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Values."""
+        """Compute values."""
         return self.ensemble(self.inputs(observation, action)).squeeze(-1)
 
     def value(self, observation: Tensor, action: Tensor) -> Tensor:
-        """The members' mean, `(B,)`."""
+        """Average the members, `(B,)`."""
         return self(observation, action).mean(0)
 
 
@@ -60,9 +59,8 @@ class StateCritic(nn.Module):
         super().__init__()
         self.body = mlp(obs_dim, hidden, activation, generator, gain=gain, zero_bias=zero_bias)
         self.head = Linear(hidden[-1], 1, generator, gain=None if gain is None else 1.0, zero_bias=zero_bias)
-        # In a list, so that the statistics are saved once, with the policy they belong to.
-        self._normalizer = [normalizer or nn.Identity()]
+        self._normalize = Shared(normalizer)  # the policy owns it
 
     def value(self, observation: Tensor) -> Tensor:
-        """Values, `(B, 1)`."""
-        return self.head(self.body(self._normalizer[0](observation)))
+        """Compute values, `(B, 1)`."""
+        return self.head(self.body(self._normalize(observation)))

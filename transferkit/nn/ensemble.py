@@ -62,6 +62,7 @@ class Ensemble(nn.Module):
         sizes = [architecture.in_dim, *architecture.hidden]
         pairs = itertools.pairwise(sizes)
         self.body = nn.ModuleList(EnsembleLinear(architecture.members, a, b, generator) for a, b in pairs)
+        self.head: EnsembleLinear | nn.Identity
         self.head = EnsembleLinear(architecture.members, sizes[-1], architecture.out_dim, generator)
 
     def features(self, x: Tensor) -> Tensor:
@@ -74,5 +75,15 @@ class Ensemble(nn.Module):
         return x
 
     def forward(self, x: Tensor) -> Tensor:
-        """Outputs, `(E, B, out_dim)`."""
+        """Compute outputs, `(E, B, out_dim)`."""
         return self.head(self.features(x))
+
+    def zero_head(self) -> None:
+        """Make every output zero until training moves it."""
+        for parameter in self.head.parameters():
+            nn.init.zeros_(parameter)
+
+    def take_head(self) -> EnsembleLinear | nn.Identity:
+        """Hand the head to another module; what stays ends in its features."""
+        head, self.head = self.head, nn.Identity()
+        return head

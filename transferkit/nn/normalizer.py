@@ -29,10 +29,10 @@ class Normalizer(nn.Module):
         self.register_buffer("count", torch.zeros((), dtype=torch.float64))
         self.register_buffer("_inverse_std", torch.ones(dim), persistent=False)
         self.register_load_state_dict_post_hook(_refresh)
-        _refresh(self)
+        self.refresh()
 
     def forward(self, x: Tensor) -> Tensor:
-        """Normalised `x`, `(B, dim)`."""
+        """Normalise `x`, `(B, dim)`."""
         return (x - self.mean).mul_(self._inverse_std).clamp_(-CLIP, CLIP)
 
     @torch.no_grad()
@@ -47,9 +47,24 @@ class Normalizer(nn.Module):
         self.var.copy_((1 - share) * self.var + share * var + share * (1 - share) * delta**2)
         self.mean.add_(share * delta)
         self.count.copy_(total)
-        _refresh(self)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Recompute what follows from the variance."""
+        self._inverse_std.copy_(torch.rsqrt(self.var + EPSILON))
 
 
-def _refresh(normalizer: Normalizer, *_: object) -> None:
-    """Recompute what follows from the variance; also after the statistics are loaded."""
-    normalizer._inverse_std.copy_(torch.rsqrt(normalizer.var + EPSILON))  # noqa: SLF001 - its own module's
+class Shared:
+    """A module that another one owns: called here, but registered, moved and saved with its owner only."""
+
+    def __init__(self, module: nn.Module | None) -> None:
+        self._module = module
+
+    def __call__(self, x: Tensor) -> Tensor:
+        """Apply the module; without one, return the input."""
+        return x if self._module is None else self._module(x)
+
+
+def _refresh(normalizer: Normalizer, _: object) -> None:
+    """Follow statistics that were loaded."""
+    normalizer.refresh()

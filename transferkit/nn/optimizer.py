@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -36,6 +36,7 @@ class PartAdam:
     def __init__(self, parts: Sequence[Part], lr: float, *, max_grad_norm: float | None = None) -> None:
         self.parts, self.max_grad_norm = list(parts), max_grad_norm
         self.flat = [flatten(part.parameters) for part in self.parts]
+        self._grads = [_gradient(flat) for flat in self.flat]
         self.param_groups: list[dict[str, Any]] = [{"params": [flat], "lr": lr} for flat in self.flat]
         self._moments = [(torch.zeros_like(flat), torch.zeros_like(flat)) for flat in self.flat]
         self._steps = [torch.zeros((), device=flat.device) for flat in self.flat]
@@ -46,8 +47,8 @@ class PartAdam:
 
     def zero_grad(self) -> None:
         """Set every gradient to zero, in place: the parameters' gradients are views."""
-        for flat in self.flat:
-            flat.grad.zero_()  # type: ignore[union-attr] - set by flatten and never removed
+        for grad in self._grads:
+            grad.zero_()
 
     @torch.no_grad()
     def step(self) -> None:
@@ -59,7 +60,7 @@ class PartAdam:
                     self._update(k, scale)
 
     def state_dict(self) -> dict[str, Any]:
-        """Moments, steps and learning rates."""
+        """Return moments, steps and learning rates."""
         return {
             "moments": [list(pair) for pair in self._moments],
             "steps": list(self._steps),
@@ -67,7 +68,7 @@ class PartAdam:
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """The inverse of `state_dict`."""
+        """Take what `state_dict` returned."""
         for own, saved in zip(self._moments, state["moments"], strict=True):
             for tensor, value in zip(own, saved, strict=True):
                 tensor.copy_(value)
@@ -77,8 +78,8 @@ class PartAdam:
             group["lr"] = lr
 
     def _grad_scale(self, group: Sequence[int], max_norm: float) -> Tensor:
-        """What the fused kernel divides the group's gradients by; as `torch.nn.utils.clip_grad_norm_`."""
-        norms = [torch.linalg.vector_norm(self.flat[k].grad) for k in group]  # type: ignore[arg-type]
+        """Compute what the fused kernel divides the group's gradients by; as `torch.nn.utils.clip_grad_norm_`."""
+        norms = [torch.linalg.vector_norm(self._grads[k]) for k in group]
         norm = norms[0] if len(norms) == 1 else torch.linalg.vector_norm(torch.stack(norms))
         return (norm / max_norm).clamp(min=1.0)
 
@@ -87,7 +88,7 @@ class PartAdam:
         step += 1
         torch._fused_adam_(
             [flat],
-            [cast("Tensor", flat.grad)],
+            [self._grads[k]],
             [first],
             [second],
             [],
@@ -104,8 +105,14 @@ class PartAdam:
         )
 
 
+def _gradient(flat: Tensor) -> Tensor:
+    """Return the gradient that `flatten` has set and nobody removes."""
+    assert flat.grad is not None
+    return flat.grad
+
+
 def flatten(parameters: Sequence[nn.Parameter]) -> Tensor:
-    """One flat tensor, of which the parameters, and of whose gradient their gradients, become views."""
+    """Make one flat tensor, of which the parameters, and of whose gradient their gradients, become views."""
     flat = torch.cat([parameter.detach().reshape(-1) for parameter in parameters]).requires_grad_()
     flat.grad = torch.zeros_like(flat)
     start = 0

@@ -13,6 +13,9 @@ from torch import Tensor, nn
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.nn.layers import Linear, mlp
 
+GAINS = {"orthogonal": (math.sqrt(2), 0.01), "uniform": (None, None), "paper": (math.sqrt(2), 0.1)}
+"""Gains of the hidden layers and of the heads, by initialisation; None keeps `nn.Linear`'s own."""
+
 
 @dataclass(frozen=True)
 class Architecture:
@@ -25,17 +28,17 @@ class Architecture:
     std: str = "parameter"
     """`parameter`: one bounded log-std per action. `head`: a linear head on the features, unbounded, as in the paper."""
     initialization: str = "orthogonal"
-    """`orthogonal`, or `uniform` as `nn.Linear` has it."""
+    """`orthogonal` with small heads, `uniform` as `nn.Linear` has it, or `paper`: orthogonal with heads of 0.1."""
     squash: bool = False
     """Bound the mean by tanh, as in the paper's DDPG."""
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON-ready data."""
+        """Return JSON-ready data."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Architecture:
-        """The inverse of `to_json`."""
+        """Rebuild from `to_json`."""
         return cls(**{**data, "hidden": tuple(data["hidden"])})
 
 
@@ -49,19 +52,18 @@ class PolicyNet(nn.Module):
         """Initialise from the generator, or with zeros when the weights are loaded afterwards.
 
         Orthogonal with gain sqrt(2), and 0.01 on the mean head so that a new policy acts near zero (Andrychowicz et al.
-        2021); with `std="head"` 0.1 on both heads and biases as `nn.Linear` has them, as in the paper's code. `uniform` keeps
+        2021). `paper` has 0.1 on both heads and biases as `nn.Linear` has them, as in the paper's code; `uniform` keeps
         `nn.Linear`'s own initialisation.
         """
         super().__init__()
         self.architecture = architecture
-        paper = architecture.std == "head"
-        orthogonal = architecture.initialization == "orthogonal"
-        gain, head_gain = (math.sqrt(2), 0.1 if paper else 0.01) if orthogonal else (None, None)
+        gain, head_gain = GAINS[architecture.initialization]
+        zero_bias = architecture.initialization != "paper"
         hidden, width = architecture.hidden, architecture.hidden[-1]
-        self.body = mlp(architecture.obs_dim, hidden, architecture.activation, generator, gain=gain, zero_bias=not paper)
-        self.mean_head = Linear(width, architecture.act_dim, generator, gain=head_gain, zero_bias=not paper)
-        if paper:
-            self.log_std_head = Linear(width, architecture.act_dim, generator, gain=head_gain, zero_bias=False)
+        self.body = mlp(architecture.obs_dim, hidden, architecture.activation, generator, gain=gain, zero_bias=zero_bias)
+        self.mean_head = Linear(width, architecture.act_dim, generator, gain=head_gain, zero_bias=zero_bias)
+        if architecture.std == "head":
+            self.log_std_head = Linear(width, architecture.act_dim, generator, gain=head_gain, zero_bias=zero_bias)
         else:
             self.log_std = nn.Parameter(torch.full((architecture.act_dim,), math.log(init_std)))
 
@@ -71,11 +73,11 @@ class PolicyNet(nn.Module):
         return self.architecture.hidden[-1]
 
     def features(self, x: Tensor) -> Tensor:
-        """Output of the last hidden layer, `(B, feature_dim)`."""
+        """Compute the last hidden layer, `(B, feature_dim)`."""
         return self.body(x)
 
     def action_distribution(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log-std, each `(B, act_dim)`, from the features."""
+        """Compute mean and log-std, each `(B, act_dim)`, from the features."""
         mean = self.mean_head(features)
         if self.architecture.squash:
             mean = torch.tanh(mean)
@@ -84,5 +86,5 @@ class PolicyNet(nn.Module):
         return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log-std, each `(B, act_dim)`, from (normalised) observations."""
+        """Compute mean and log-std, each `(B, act_dim)`, from (normalised) observations."""
         return self.action_distribution(self.features(x))

@@ -1,4 +1,4 @@
-"""What every policy is: a distribution over actions from raw observations, in parts that learn at their own rate."""
+"""Policies: a distribution over actions from raw observations, in parts that learn at their own rate."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from transferkit.errors import ConfigError
-from transferkit.nn.gaussian import LOG_STD_BOUNDS
-from transferkit.nn.normalizer import Normalizer
-from transferkit.nn.policy_net import Architecture, PolicyNet
+from transferkit.errors import UnknownNameError
+from transferkit.nn import Architecture, Normalizer, PolicyNet, gaussian
 from transferkit.table import format_table
 
 
@@ -40,7 +38,7 @@ class Policy(nn.Module):
     obs_dim: int
     act_dim: int
     normalizer: Normalizer | None
-    """Statistics of this environment's observations; None where the policy takes them raw."""
+    """Statistics of this environment's observations; None if the policy takes them raw."""
     has_core: bool = False
     """Whether a core acts in it from the first step."""
     squash: bool = False
@@ -49,31 +47,31 @@ class Policy(nn.Module):
     freeze: Mapping[str, float]
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log-std of the action."""
+        """Compute mean and log-std of the action."""
         raise NotImplementedError
 
     def trace(self, observation: Tensor) -> dict[str, Tensor]:
-        """What enters the core and what leaves it, `core_input` and `core_output`, each `(B, ...)`; empty without a core."""
+        """Compute what enters and leaves the core, `core_input` and `core_output`, each `(B, ...)`; empty without a core."""
         return {}
 
     def trace_names(self) -> dict[str, list[str]]:
-        """The elements of `trace`, in order."""
+        """Name the elements of `trace`, in order."""
         return {}
 
     def normalized(self, observation: Tensor) -> Tensor:
-        """The observation under the policy's statistics, or as it is where it has none."""
+        """Normalise the observation by the policy's statistics, if it has any."""
         return observation if self.normalizer is None else self.normalizer(observation)
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
-        """The parts by name, from the observation to the action."""
+        """Return the parts by name, from the observation to the action."""
         raise NotImplementedError
 
     def blueprint(self) -> dict[str, Any]:
-        """JSON-ready data from which `transferkit.policy.build` makes the same policy without its weights."""
+        """Return JSON-ready data from which `transferkit.policy.build` makes the same policy without its weights."""
         raise NotImplementedError
 
     def parameter_groups(self) -> list[ParameterGroup]:
-        """Every parameter in exactly one group, one group a part."""
+        """Put every parameter into exactly one group, one group a part."""
         return [
             ParameterGroup(
                 name,
@@ -97,12 +95,12 @@ class Policy(nn.Module):
 
     @torch.no_grad()
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The deterministic action `(B, act_dim)` for observations `(B, obs_dim)`."""
+        """Choose the deterministic action `(B, act_dim)` for observations `(B, obs_dim)`."""
         device = next(self.parameters()).device
         return self(torch.from_numpy(observation).to(device))[0].cpu().numpy()
 
     def describe(self) -> str:
-        """A table of the parts: parameters, learning rate, what is frozen."""
+        """Describe the parts in a table: parameters, learning rate, what is frozen."""
         rows = []
         for group in self.parameter_groups():
             count = sum(parameter.numel() for parameter in group.parameters)
@@ -114,7 +112,7 @@ class Policy(nn.Module):
         for option in ("freeze", "lr_scale"):
             for name in getattr(self, option):
                 if name not in self.parts():
-                    raise ConfigError(f"{option} names no part '{name}'; the parts are {', '.join(self.parts())}")
+                    raise UnknownNameError(f"part in wrap.{option}", name, list(self.parts()))
 
 
 class ScratchPolicy(Policy):
@@ -132,20 +130,20 @@ class ScratchPolicy(Policy):
     def create(
         cls, architecture: Architecture, generator: torch.Generator | None, *, init_std: float, normalize: bool
     ) -> ScratchPolicy:
-        """A new network and, where asked for, its normaliser."""
+        """Make a new network and, if asked for, its normaliser."""
         network = PolicyNet(architecture, generator, init_std=init_std)
         return cls(network, Normalizer(architecture.obs_dim) if normalize else None)
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log-std of the action."""
+        """Compute mean and log-std of the action."""
         return self.network(self.normalized(observation))
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
-        """One part, the network."""
+        """Return one part, the network."""
         return {"network": self.network}
 
     def blueprint(self) -> dict[str, Any]:
-        """Architecture and whether observations are normalised."""
+        """Return the architecture, and whether observations are normalised."""
         return {
             "kind": "scratch",
             "architecture": self.network.architecture.to_json(),
@@ -154,7 +152,7 @@ class ScratchPolicy(Policy):
 
 
 class ConstantPolicy(Policy):
-    """A Gaussian that does not look at the observation: what can be had by a bias and a deviation alone."""
+    """A Gaussian that does not look at the observation: a control that has a bias and a deviation alone."""
 
     def __init__(self, obs_dim: int, act_dim: int, *, init_std: float = 1.0) -> None:
         super().__init__()
@@ -164,14 +162,14 @@ class ConstantPolicy(Policy):
         self.log_std = nn.Parameter(torch.full((act_dim,), math.log(init_std)))
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """The same mean and log-std for every row."""
+        """Return the same mean and log-std for every row."""
         rows = (len(observation), self.act_dim)
-        return self.bias.expand(rows), self.log_std.clamp(*LOG_STD_BOUNDS).expand(rows)
+        return self.bias.expand(rows), self.log_std.clamp(*gaussian.LOG_STD_BOUNDS).expand(rows)
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
-        """Both parameters."""
+        """Return both parameters."""
         return {"bias": self.bias, "log_std": self.log_std}
 
     def blueprint(self) -> dict[str, Any]:
-        """Its dimensions."""
+        """Return its dimensions."""
         return {"kind": "constant", "obs_dim": self.obs_dim, "act_dim": self.act_dim}

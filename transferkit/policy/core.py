@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 import torch
 from torch import Tensor
 
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, SettingError
 from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture, JointInput, Normalizer, PolicyNet
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.match import Match, angle_pairs
-from transferkit.run.streams import Streams
 from transferkit.spec import IOSpec
+from transferkit.streams import Streams
 
 
 @dataclass(frozen=True)
 class Core:
-    """Parts of a policy that was trained on a source environment; made by `load_core` or by `pretrain`."""
+    """Components of a policy that was trained on a source environment; made by `load_core` or by `pretrain`."""
 
     id: str
     spec: IOSpec
@@ -26,15 +26,15 @@ class Core:
     architecture: Architecture
     seeds: Sequence[int]
     """Source seed of each member."""
-    parts: Mapping[str, Mapping[str, Tensor]]
-    """Per part (`policy`, `normalizer`, `critic`, `dynamics`) the tensors by name, each with a leading axis over members."""
+    components: Mapping[str, Mapping[str, Tensor]]
+    """Tensors by name of each component (`policy`, `normalizer`, `critic`, `dynamics`), with a leading axis over members."""
     digest: str = ""
     """Hash of the artifact it came from."""
     ensembles: Mapping[str, EnsembleArchitecture] = field(default_factory=dict)
-    """Architectures of its `critic` and `dynamics`, where it has them."""
+    """Architectures of its `critic` and `dynamics`, if it has them."""
 
     def network(self, member: int = 0) -> PolicyNet:
-        """The policy network of a member.
+        """Build the policy network of a member.
 
         Raises:
             ConfigError: there is no such member.
@@ -44,19 +44,19 @@ class Core:
         return network
 
     def normalizer(self, member: int = 0) -> Normalizer | None:
-        """Observation statistics of the member's source, where it was trained with any."""
-        if "normalizer" not in self.parts:
+        """Build the observation statistics of the member's source, if it was trained with any."""
+        if "normalizer" not in self.components:
             return None
         normalizer = Normalizer(self.spec.obs_dim)
         normalizer.load_state_dict(self._of("normalizer", member))
         return normalizer
 
     def policy(self, member: int = 0) -> ScratchPolicy:
-        """The member as a policy for its own source environment."""
+        """Build the member as a policy for its own source environment."""
         return ScratchPolicy(self.network(member), self.normalizer(member))
 
     def critic(self, member: int = 0) -> Critic:
-        """The member's critics, for its source.
+        """Build the member's critics, for its source.
 
         Raises:
             ConfigError: the core has none.
@@ -66,7 +66,7 @@ class Core:
         return critic
 
     def dynamics(self, member: int = 0) -> Dynamics:
-        """The member's model of its source.
+        """Build the member's model of its source.
 
         Raises:
             ConfigError: the core has none.
@@ -76,40 +76,41 @@ class Core:
         model.load_state_dict(self._of("dynamics", member))
         return model
 
-    def _ensemble(self, part: str) -> Ensemble:
-        if part not in self.ensembles:
-            raise ConfigError(f"core {self.id} has no {part}; `transferkit zoo list` shows the parts of every core")
-        return Ensemble(self.ensembles[part])
+    def _ensemble(self, name: str) -> Ensemble:
+        if name not in self.ensembles:
+            raise ConfigError(f"core {self.id} has no {name}", topic="cores")
+        return Ensemble(self.ensembles[name])
 
-    def _of(self, part: str, member: int) -> dict[str, Tensor]:
+    def _of(self, component: str, member: int) -> dict[str, Tensor]:
         if not 0 <= member < len(self.seeds):
-            raise ConfigError(f"core {self.id} has no member {member}; it has 0 to {len(self.seeds) - 1}")
-        return {name: tensor[member] for name, tensor in self.parts[part].items()}
+            raise SettingError("member", value=member, allowed=f"0 to {len(self.seeds) - 1} for core {self.id}")
+        return {name: tensor[member] for name, tensor in self.components[component].items()}
 
     def randomized(self, seed: int, *, init_std: float = 1.0) -> Core:
-        """The control that shares architecture and observation statistics: every member freshly initialised."""
+        """Make the control that shares architecture and observation statistics: every member freshly initialised."""
         generator = Streams(seed).torch("random core")
-        parts = dict(self.parts)
-        parts["policy"] = stack_members(
+        components = dict(self.components)
+        components["policy"] = stack_members(
             [PolicyNet(self.architecture, generator, init_std=init_std).state_dict() for _ in self.seeds]
         )
         for name, architecture in self.ensembles.items():
             fresh = stack_members([Ensemble(architecture, generator).state_dict() for _ in self.seeds])
-            parts[name] = {**self.parts[name], **{f"ensemble.{key}": tensor for key, tensor in fresh.items()}}
-        return replace(self, id=f"{self.id} (random)", parts=parts)
+            components[name] = {**self.components[name], **{f"ensemble.{key}": tensor for key, tensor in fresh.items()}}
+        return replace(self, id=f"{self.id} (random)", components=components)
 
     def shuffled(self, seed: int) -> Core:
-        """The control that shares every layer's distribution of weights: each tensor permuted within itself."""
+        """Make the control that shares every layer's distribution of weights: each tensor permuted within itself."""
         generator = Streams(seed).torch("shuffled core")
-        parts = dict(self.parts)
-        for part in ("policy", *self.ensembles):
-            networks = {name: tensor for name, tensor in self.parts[part].items() if name not in ("mean", "std")}
-            parts[part] = {**self.parts[part], **{name: _permute(tensor, generator) for name, tensor in networks.items()}}
-        return replace(self, id=f"{self.id} (shuffled)", parts=parts)
+        components = dict(self.components)
+        for name in ("policy", *self.ensembles):
+            tensors = self.components[name]
+            permuted = {key: _permute(tensor, generator) for key, tensor in tensors.items() if key not in ("mean", "std")}
+            components[name] = {**tensors, **permuted}
+        return replace(self, id=f"{self.id} (shuffled)", components=components)
 
 
 def stack_members(states: Sequence[Mapping[str, Tensor]]) -> dict[str, Tensor]:
-    """The state dicts of a core's members as one, each tensor with a leading axis over members."""
+    """Stack the state dicts of a core's members, each tensor with a leading axis over members."""
     return {name: torch.stack([state[name] for state in states]) for name in states[0]}
 
 

@@ -1,7 +1,8 @@
-"""Signs of a sandwich that cannot learn, measured before training."""
+"""Signs of a policy that cannot learn, measured before training."""
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import gymnasium
@@ -9,11 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from transferkit.envs.make import make_env
-from transferkit.nn import gaussian
-from transferkit.nn.layers import MLP
+from transferkit.envs import Actor, make_env, rollout
+from transferkit.nn import MLP, gaussian
 from transferkit.policy.base import Policy
-from transferkit.run.streams import Streams
+from transferkit.streams import Streams
 
 DEAD = 1e-6
 """Least spread of a unit that counts as alive."""
@@ -24,7 +24,7 @@ REACH = 2.0
 
 @dataclass(frozen=True)
 class Health:
-    """What `health` measured, on observations of random play where it does not say otherwise."""
+    """What `health` measured, on observations of random play unless it says otherwise."""
 
     dead_units: float
     """Share of hidden units whose output never varies."""
@@ -43,20 +43,17 @@ class Health:
     @property
     def warnings(self) -> list[str]:
         """What is wrong, in words; empty for a healthy policy."""
-        found = []
-        if self.dead_units > 0.5:
-            found.append(f"{self.dead_units:.0%} of the hidden units are dead")
-        if self.action_rank < self.act_dim:
-            found.append(f"actions vary in {self.action_rank} of {self.act_dim} directions")
-        if not 0.01 <= self.std_low <= self.std_high <= 3.0:
-            found.append(f"initial standard deviation of actions spans {self.std_low:.1e} to {self.std_high:.1e}")
-        if self.core_gradient == 0.0:
-            found.append("no gradient reaches the core")
-        if self.saturated > 0.5:
-            found.append(
-                f"{self.saturated:.0%} of its own actions are further outside the limits than exploration reaches back"
-            )
-        return found
+        low, high = self.std_low, self.std_high
+        signs = {
+            f"{self.dead_units:.0%} of the hidden units are dead": self.dead_units > 0.5,
+            f"actions vary in {self.action_rank} of {self.act_dim} directions": self.action_rank < self.act_dim,
+            f"initial standard deviation of actions spans {low:.1e} to {high:.1e}": not 0.01 <= low <= high <= 3.0,
+            "no gradient reaches the core": self.core_gradient == 0.0,
+            f"{self.saturated:.0%} of its own actions are further outside the limits than exploration reaches back": (
+                self.saturated > 0.5
+            ),
+        }
+        return [text for text, holds in signs.items() if holds]
 
 
 def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: int = 0) -> Health:
@@ -93,6 +90,30 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
     )
 
 
+def play(env: str | gymnasium.Env, steps: int, seed: int, policy: Actor | None = None) -> NDArray[np.float32]:
+    """Collect observations `(steps, obs_dim)` under the policy's mean actions; without one under uniform actions."""
+    made, streams = make_env(env), Streams(seed)
+    assert made.action_space.shape is not None
+    actor = policy or _Uniform(made.action_space.shape, streams.numpy("health actions"))
+    observations: list[NDArray[np.float32]] = []
+    # Seeded by what has been seen so far, so that longer play begins like shorter play.
+    transitions = rollout(actor, [made], lambda _: streams.integer("health", len(observations)))
+    for step in itertools.islice(transitions, steps):
+        observations.append(step.observation)  # noqa: PERF401 - the seeds read its length meanwhile
+    if isinstance(env, str):
+        made.close()
+    return np.stack(observations)
+
+
+@dataclass(frozen=True)
+class _Uniform:
+    shape: tuple[int, ...]
+    generator: np.random.Generator
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.stack([self.generator.uniform(-1, 1, self.shape).astype(np.float32) for _ in observation])
+
+
 @torch.no_grad()
 def _saturated(policy: Policy, observation: torch.Tensor) -> float:
     mean, log_std = policy(observation)
@@ -117,24 +138,3 @@ def _core_gradient(policy: Policy, mean: torch.Tensor, log_std: torch.Tensor, se
 def _rank(actions: torch.Tensor) -> int:
     values = torch.linalg.svdvals(actions - actions.mean(0))
     return int((values > 1e-4 * values[0].clamp(min=1e-12)).sum()) if values[0] > 1e-9 else 0
-
-
-def play(env: str | gymnasium.Env, steps: int, seed: int, policy: Policy | None = None) -> NDArray[np.float32]:
-    """Observations `(steps, obs_dim)` under the policy's mean actions, without one under uniform actions."""
-    made = make_env(env)
-    streams = Streams(seed)
-    generator = streams.numpy("health actions")
-    observations = [made.reset(seed=streams.integer("health", 0))[0]]
-    assert made.action_space.shape is not None
-    while len(observations) < steps:
-        if policy is None:
-            action = generator.uniform(-1, 1, made.action_space.shape).astype(np.float32)
-        else:
-            action = policy.act(observations[-1][None])[0]
-        observation, _, terminated, truncated, _ = made.step(action)
-        if terminated or truncated:
-            observation = made.reset(seed=streams.integer("health", len(observations)))[0]
-        observations.append(observation)
-    if isinstance(env, str):
-        made.close()
-    return np.stack(observations)

@@ -46,7 +46,7 @@ class Match:
     bias: tuple[float, ...]
     """`(d_source,)`."""
     form: tuple[str, ...]
-    """Per core input `linear`, `sin`, `cos`, or `none` where nothing in the target means it."""
+    """Per core input `linear`, `sin`, `cos`, or `none` if nothing in the target means it."""
     action_weight: tuple[tuple[float, ...], ...]
     """`(target act_dim, source act_dim)`."""
     joints: dict[str, str]
@@ -55,12 +55,12 @@ class Match:
     """Length of the source over that of the target."""
 
     @property
-    def found(self) -> bool:
+    def holds(self) -> bool:
         """Whether at least one core input and one action mean something in the target."""
         return any(form != "none" for form in self.form) and bool(np.any(self.action_weight))
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON-ready data."""
+        """Return JSON-ready data."""
         return asdict(self)
 
 
@@ -97,32 +97,32 @@ def match(source: IOSpec, target: IOSpec) -> Match:
 
 
 def padded(source: IOSpec, target: IOSpec) -> Match:
-    """The control that matches nothing: element k for element k, zeros where the target has fewer."""
+    """Make the control that matches nothing: element k for element k, zeros if the target has fewer."""
     weight, action = np.eye(source.obs_dim, target.obs_dim), np.eye(target.act_dim, source.act_dim)
     form = tuple("linear" if k < target.obs_dim else "none" for k in range(source.obs_dim))
     rows = [tuple(map(tuple, matrix.tolist())) for matrix in (weight, action)]
     return Match((), (), rows[0], (0.0,) * source.obs_dim, form, rows[1], {}, 1.0)
 
 
-def explain(found: Match, source: IOSpec, target: IOSpec) -> str:
-    """One line for every core input and target action: what it was matched with, or that it was not."""
+def explain(result: Match, source: IOSpec, target: IOSpec) -> str:
+    """Write one line for every core input and target action: what it was matched with, or that it was not."""
     names = [e.name for e in target.observation]
-    names += [f"atan2({names[s]}, {names[c]})" for s, c in zip(found.sin, found.cos, strict=True)]
+    names += [f"atan2({names[s]}, {names[c]})" for s, c in zip(result.sin, result.cos, strict=True)]
     lines = []
-    for element, row, bias, form in zip(source.observation, found.weight, found.bias, found.form, strict=True):
+    for element, row, bias, form in zip(source.observation, result.weight, result.bias, result.form, strict=True):
         terms = " ".join(f"{w:+.4g} {name}" for w, name in zip(row, names, strict=True) if abs(w) > 1e-9)
         value = terms + (f" {bias:+g}" if abs(bias) > 1e-9 else "")
         text = {"none": "not matched", "linear": value}.get(form, f"{form}({value})")
         lines.append(f"  core input {element.name} = {text}")
-    lines.append(f"  lengths: the source's are {found.scale:.3g} times the target's")
-    for actuator, row in zip(target.action, found.action_weight, strict=True):
+    lines.append(f"  lengths: the source's are {result.scale:.3g} times the target's")
+    for actuator, row in zip(target.action, result.action_weight, strict=True):
         terms = " ".join(f"{w:+.4g} {a.name}" for w, a in zip(row, source.action, strict=True) if w)
         lines.append(f"  action {actuator.name} = {terms or 'not matched'}")
     return "\n".join(lines)
 
 
 def _match_joints(source: Sequence[Joint], target: Sequence[Joint]) -> dict[str, tuple[str, float]]:
-    """Source joint name to (target joint name, sign)."""
+    """Map source joint names to (target joint name, sign)."""
     matched: dict[str, tuple[str, float]] = {}
     taken: set[str] = set()
     for joint in source:
@@ -141,7 +141,7 @@ def _match_joints(source: Sequence[Joint], target: Sequence[Joint]) -> dict[str,
 
 
 def angle_pairs(target: IOSpec) -> list[tuple[int, int]]:
-    """Indices of observation elements that are sine and cosine of the same angle."""
+    """Find the indices of observation elements that are sine and cosine of the same angle."""
     sines = {(e.joints, e.coefficients): i for i, e in enumerate(target.observation) if e.quantity == "sin"}
     pairs = []
     for i, element in enumerate(target.observation):
@@ -171,7 +171,7 @@ def _solve(
     known: Sequence[NDArray | None],
     scale: float,
 ) -> NDArray | None:
-    """Weights over the known target quantities that give the element's (argument's) joint combination, if any do."""
+    """Solve for weights over the known target quantities that give the element's (argument's) joint combination."""
     if not element.coefficients or any(name not in joints for name in element.joints):
         return None
     index = {joint.name: k for k, joint in enumerate(target.joints)}
@@ -191,7 +191,7 @@ def _form(quantity: str) -> str:
 
 
 def _length_scale(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, float]]) -> float:
-    """Geometric mean over the matched hinges."""
+    """Take the geometric mean over the matched hinges."""
     lengths = {joint.name: joint.length for joint in target.joints}
     ratios = [
         joint.length / lengths[joints[joint.name][0]]
@@ -202,7 +202,7 @@ def _length_scale(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, f
 
 
 def _similarity(quantity: str, joint_type: str, scale: float) -> float:
-    """The source's value over the target's in similar motion."""
+    """Divide the source's value by the target's in similar motion."""
     length, time = (scale if joint_type == "slide" else 1.0), scale**0.5
     return length / time if quantity == "velocity" else length
 

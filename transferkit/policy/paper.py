@@ -1,4 +1,4 @@
-"""The paper's sandwich, its ReLUs and its shared output layer included, for reproducing it and for nothing else."""
+"""The paper's sandwich with its ReLUs and its shared output layer, only for reproducing the paper."""
 
 from __future__ import annotations
 
@@ -39,33 +39,33 @@ class PaperSandwich(Policy):
         self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
         self.normalizer = None
-        ends = generators.get("input_adapter"), generators.get("output_adapter")
-        self.input_adapter = Linear(target.obs_dim, source.obs_dim, ends[0])
-        self.input_finetune = Linear(source.obs_dim, source.obs_dim, ends[0])
+        inwards, outwards = generators.get("input_adapter"), generators.get("output_adapter")
+        self.input_adapter = Linear(target.obs_dim, source.obs_dim, inwards)
+        self.input_finetune = Linear(source.obs_dim, source.obs_dim, inwards)
         self.core = core
-        self.output_finetune = Linear(source.act_dim, source.act_dim, ends[1])
-        self.mean_adapter = Linear(source.act_dim, target.act_dim, ends[1])
-        self.std_adapter = Linear(source.act_dim, target.act_dim, ends[1])
+        self.output_finetune = Linear(source.act_dim, source.act_dim, outwards)
+        self.mean_adapter = Linear(source.act_dim, target.act_dim, outwards)
+        self.std_adapter = Linear(source.act_dim, target.act_dim, outwards)
         self._check_part_names()
 
     def core_input(self, observation: Tensor) -> Tensor:
-        """What the core sees, `(B, d_source)`; never negative."""
+        """Compute what the core sees, `(B, d_source)`; never negative."""
         return torch.relu(self.input_finetune(self.input_adapter(observation)))
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log-std of the action."""
+        """Compute mean and log-std of the action."""
         core_mean, core_log_std = self.core(self.core_input(observation))
         mean = torch.relu(self.output_finetune(core_mean))
         std = torch.relu(self.output_finetune(core_log_std.exp()))
         return self.mean_adapter(mean), self.std_adapter(torch.log(std + EPSILON))
 
     def trace(self, observation: Tensor) -> dict[str, Tensor]:
-        """What enters the core, and its mean action."""
+        """Compute what enters the core, and its mean action."""
         core_input = self.core_input(observation)
         return {"core_input": core_input, "core_output": self.core(core_input)[0]}
 
     def trace_names(self) -> dict[str, list[str]]:
-        """The source's elements and its actuators."""
+        """Name the source's elements and its actuators."""
         source = self._specs[0]
         return {
             "core_input": [element.name for element in source.observation],
@@ -73,12 +73,12 @@ class PaperSandwich(Policy):
         }
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
-        """The layers, from observation to action."""
+        """Return the layers, from observation to action."""
         names = ("input_adapter", "input_finetune", "core", "output_finetune", "mean_adapter", "std_adapter")
         return {name: getattr(self, name) for name in names}
 
     def blueprint(self) -> dict[str, Any]:
-        """Core architecture and specs."""
+        """Return core architecture and specs."""
         return {
             "kind": "paper",
             "core": self.core.architecture.to_json(),

@@ -9,17 +9,16 @@ import torch
 from torch import Tensor, nn
 
 from transferkit.config import WrapConfig
-from transferkit.nn import Linear, Normalizer, PolicyNet, ResidualLinear, mlp
-from transferkit.nn.gaussian import LOG_STD_BOUNDS
+from transferkit.nn import Linear, Normalizer, PolicyNet, ResidualLinear, gaussian, mlp
+from transferkit.policy.adapters import InputAdapter, output_adapter
 from transferkit.policy.base import Policy
 from transferkit.policy.core import Origin
-from transferkit.policy.ends import InputAdapter, output_adapter
 from transferkit.policy.match import Match, explain
 from transferkit.spec import IOSpec
 
 
 class Sandwich(Policy):
-    """A core between two ends; only linear maps around it, and a bounded log-std that does not depend on the state."""
+    """A core between two adapters; only linear maps around it, and a bounded log-std that does not depend on the state."""
 
     has_core = True
 
@@ -29,56 +28,55 @@ class Sandwich(Policy):
         source_normalizer: Normalizer | None,
         specs: tuple[IOSpec, IOSpec],
         config: WrapConfig,
-        found: Match | None,
+        match: Match | None,
         generators: dict[str, torch.Generator] | None,
         *,
-        init_std: float,
         origin: Origin | None = None,
     ) -> None:
-        """Build the ends around a core; without generators the weights are zero, to be loaded."""
+        """Build the layers around a core; without generators the weights are zero, to be loaded."""
         super().__init__()
         source, target = specs
         generators = generators or {}
-        self._specs, self._match, self.config = specs, found, config
+        self._specs, self._match, self.config = specs, match, config
         self.squash = config.tap == "features" and core.architecture.squash
         self.origin = origin
-        self._adapter = "random" if found is None else "pad" if config.adapter == "pad" else "semantic"
+        self._adapter = "random" if match is None else "pad" if config.adapter == "pad" else "semantic"
         self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
         self.normalizer = Normalizer(target.obs_dim)
         self.source_normalizer = source_normalizer
         features = config.tap == "features"
         d_core, d_tap = source.obs_dim, core.feature_dim if features else source.act_dim
-        self.input_adapter = InputAdapter(self.normalizer, source_normalizer, d_core, found, generators.get("input_adapter"))
+        self.input_adapter = InputAdapter(self.normalizer, source_normalizer, d_core, match, generators.get("input_adapter"))
         self.input_finetune = ResidualLinear(d_core) if config.finetune else nn.Identity()
         self.core = core
         self.output_finetune = ResidualLinear(d_tap) if config.finetune else nn.Identity()
         head = core.mean_head if features else None
-        self.output_adapter = output_adapter(d_tap, target.act_dim, found, head, generators.get("output_adapter"))
-        self.log_std = nn.Parameter(_initial_log_std(core, found, target.act_dim, init_std))
+        self.output_adapter = output_adapter(d_tap, target.act_dim, match, head, generators.get("output_adapter"))
+        self.log_std = nn.Parameter(_initial_log_std(core, match, target.act_dim, config.init_std))
         self.residual = self._residual_column(config.residual, generators.get("residual")) if config.residual else None
         self._check_part_names()
 
     def core_input(self, observation: Tensor) -> Tensor:
-        """What the core sees, `(B, d_source)`."""
+        """Compute what the core sees, `(B, d_source)`."""
         return self.input_finetune(self.input_adapter(observation))
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
-        """Mean and log-std of the action."""
+        """Compute mean and log-std of the action."""
         mean = self.output_adapter(self.output_finetune(self._tapped(self.core_input(observation))))
         if self.residual is not None:
             mean = mean + self.residual(self.normalized(observation))
         if self.squash:
             mean = torch.tanh(mean)
-        return mean, self.log_std.clamp(*LOG_STD_BOUNDS).expand_as(mean)
+        return mean, self.log_std.clamp(*gaussian.LOG_STD_BOUNDS).expand_as(mean)
 
     def trace(self, observation: Tensor) -> dict[str, Tensor]:
-        """What enters the core and what is taken from it."""
+        """Compute what enters the core and what is taken from it."""
         core_input = self.core_input(observation)
         return {"core_input": core_input, "core_output": self._tapped(core_input)}
 
     def trace_names(self) -> dict[str, list[str]]:
-        """The source's elements, and features by number or the source's actuators."""
+        """Name the source's elements, and features by number or the source's actuators."""
         source = self._specs[0]
         features = [f"feature_{i}" for i in range(self.core.feature_dim)]
         output = features if self.config.tap == "features" else [actuator.name for actuator in source.action]
@@ -89,7 +87,7 @@ class Sandwich(Policy):
         return features if self.config.tap == "features" else self.core.action_distribution(features)[0]
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
-        """The layers with parameters, from observation to action."""
+        """Return the layers with parameters, from observation to action."""
         parts: dict[str, nn.Module | nn.Parameter] = {"input_adapter": self.input_adapter}
         if self.config.finetune:
             parts["input_finetune"] = self.input_finetune
@@ -102,7 +100,7 @@ class Sandwich(Policy):
         return parts | {"log_std": self.log_std}
 
     def describe(self) -> str:
-        """The table of parts, the dimensions, and what the adapters were matched with."""
+        """Describe the dimensions, what the adapters were matched with, and the parts."""
         source, target = self._specs
         dims = f"{target.env_id}: {target.obs_dim} observations, {target.act_dim} actions"
         core = f"core from {source.env_id}: {source.obs_dim} inputs, {source.act_dim} actions, tap={self.config.tap}"
@@ -114,7 +112,7 @@ class Sandwich(Policy):
         return "\n".join((dims, core, adapters, super().describe()))
 
     def blueprint(self) -> dict[str, Any]:
-        """Core architecture, specs and options."""
+        """Return core architecture, specs and options."""
         return {
             "kind": "sandwich",
             "core": self.core.architecture.to_json(),
@@ -128,16 +126,16 @@ class Sandwich(Policy):
         }
 
     def _residual_column(self, width: int, generator: torch.Generator | None) -> nn.Module:
-        """A side network that starts at zero (progressive networks, Rusu et al. 2016)."""
+        """Make a side network that starts at zero (progressive networks, Rusu et al. 2016)."""
         hidden = mlp(self.obs_dim, (width,), "tanh", generator, gain=math.sqrt(2))
         return nn.Sequential(hidden, Linear(width, self.act_dim))
 
 
-def _initial_log_std(core: PolicyNet, found: Match | None, act_dim: int, init_std: float) -> Tensor:
-    """The configured one, and the core's own for actuators that drive what the core drove."""
+def _initial_log_std(core: PolicyNet, match: Match | None, act_dim: int, init_std: float) -> Tensor:
+    """Take the configured one, and the core's own for actuators that drive what the core drove."""
     log_std = torch.full((act_dim,), math.log(init_std))
-    if found is not None and core.architecture.std == "parameter":
-        for k, row in enumerate(found.action_weight):
+    if match is not None and core.architecture.std == "parameter":
+        for k, row in enumerate(match.action_weight):
             for j, weight in enumerate(row):
                 if weight:
                     log_std[k] = core.log_std.detach()[j]  # its own, in the target's action range

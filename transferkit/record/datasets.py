@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import logging
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
 from transferkit.record.reader import Transitions, check_finite, read, read_transitions, spec_of
@@ -17,7 +21,7 @@ from transferkit.spec import IOSpec
 LOGGER = logging.getLogger("transferkit")
 
 SCHEME = "minari:"
-"""How a dataset is named where a file could stand: `minari:namespace/name-v0`."""
+"""Prefix of a dataset's name among files: `minari:namespace/name-v0`."""
 
 
 def export_minari(paths: Sequence[Path], dataset: str) -> int:
@@ -27,19 +31,10 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
         RecordingError: Minari is not installed, the dataset exists, or the recordings do not fit together.
     """
     minari = _minari()
-    from gymnasium.spaces import Box  # noqa: PLC0415
-
     spec = spec_of(read(paths[0], about_only=True), paths[0])
-    buffers = []
-    for path in paths:
-        found = read_transitions(path, spec)
-        whole = _episodes(found)
-        left = len(found) - sum(len(episode.rewards) for episode in whole)
-        for note in (*found.notes, *([f"{path}: {left} steps of an episode without an end are left out"] if left else [])):
-            LOGGER.warning(note)
-        buffers += whole
+    buffers = [buffer for path in paths for buffer in _whole_episodes(path, spec)]
     if not buffers:
-        raise RecordingError(f"{paths[0]} holds no whole episode; record it again with `transferkit record`")
+        raise RecordingError(f"{paths[0]} holds no whole episode", remedy="record it again", topic="recordings")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # one for every piece of metadata that a user may add
@@ -52,13 +47,13 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
             )
     except (ValueError, FileExistsError, AssertionError) as error:
         raise RecordingError(
-            f"cannot write the Minari dataset {dataset}: {str(error).splitlines()[0]}; pass another --minari"
+            f"cannot write the Minari dataset {dataset}: {str(error).splitlines()[0]}", remedy="choose another {minari}"
         ) from None
     return sum(len(buffer.rewards) for buffer in buffers)
 
 
 def read_minari(dataset: str, spec: IOSpec) -> Transitions:
-    """The steps of a local Minari dataset with flat observations and actions of this spec's dimensions.
+    """Read the steps of a local Minari dataset with flat observations and actions of this spec's dimensions.
 
     Raises:
         RecordingError: Minari is not installed, there is no such dataset, or its dimensions do not fit.
@@ -68,60 +63,73 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
         loaded = minari.load_dataset(dataset)
     except (FileNotFoundError, ValueError) as error:
         raise RecordingError(
-            f"no Minari dataset {dataset} here ({str(error).splitlines()[0]}); `minari list local` lists them"
+            f"no Minari dataset {dataset} here ({str(error).splitlines()[0]})", remedy="`minari list local` lists them"
         ) from None
-    episodes = list(loaded.iterate_episodes())
-    if not episodes:
-        raise RecordingError(f"Minari dataset {dataset} has no episode; pass another")
-    try:
-        parts = [
-            (e.observations[:-1], e.actions, e.rewards, e.observations[1:], e.terminations, e.truncations) for e in episodes
-        ]
-        columns = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    except (TypeError, KeyError, ValueError):
-        raise RecordingError(
-            f"Minari dataset {dataset} has observations or actions that are no flat arrays; pass another"
-        ) from None
+    columns = _columns(list(loaded.iterate_episodes()), dataset)
     for what, array, dim in (("observation", columns[0], spec.obs_dim), ("action", columns[1], spec.act_dim)):
         if array.shape[1:] != (dim,):
             raise RecordingError(f"Minari dataset {dataset} has {what}s of shape {array.shape[1:]}, {spec.env_id} has ({dim},)")
     columns[1] = _shares(columns[1], loaded.action_space)
     floats = [column.astype(np.float32) for column in columns[:4]]
-    found = Transitions(*floats, terminated=columns[4].astype(bool), truncated=columns[5].astype(bool))
-    check_finite(found, Path(f"{SCHEME}{dataset}"))
-    return found
+    transitions = Transitions(*floats, terminated=columns[4].astype(bool), truncated=columns[5].astype(bool))
+    check_finite(transitions, Path(f"{SCHEME}{dataset}"))
+    return transitions
 
 
-def _shares(actions: Any, space: Any) -> Any:  # noqa: ANN401 - arrays, and gymnasium's Box
-    """Actions as shares of their space's range, as everywhere here; as they are where that has no bounds."""
+def _columns(episodes: Sequence[Any], dataset: str) -> list[NDArray[Any]]:
+    """Observation, action, reward, next observation, terminated and truncated of all steps."""
+    if not episodes:
+        raise RecordingError(f"Minari dataset {dataset} has no episode", remedy="choose another")
+    try:
+        parts = [
+            (e.observations[:-1], e.actions, e.rewards, e.observations[1:], e.terminations, e.truncations) for e in episodes
+        ]
+        return [np.concatenate(column) for column in zip(*parts, strict=True)]
+    except (TypeError, KeyError, ValueError):
+        raise RecordingError(
+            f"Minari dataset {dataset} has observations or actions that are not flat arrays", remedy="choose another"
+        ) from None
+
+
+def _shares(actions: NDArray[Any], space: Box) -> NDArray[Any]:
+    """Turn actions into shares of their space's range, as everywhere here; leave them as they are if it has no bounds."""
     if not (np.isfinite(space.low).all() and np.isfinite(space.high).all()):
         return actions
     centre, half = (space.high + space.low) / 2, (space.high - space.low) / 2
     return np.clip((actions - centre) / half, -1.0, 1.0)
 
 
-def _episodes(found: Transitions) -> list[Any]:
-    """The episodes that ended."""
-    from minari.data_collector import EpisodeBuffer  # type: ignore[import-not-found] # noqa: PLC0415
+def _whole_episodes(path: Path, spec: IOSpec) -> list[Any]:
+    """Read the episodes of a recording that ended, as Minari's buffers; what is left out is logged."""
+    transitions = read_transitions(path, spec)
+    whole = _buffers(transitions)
+    left = len(transitions) - sum(len(buffer.rewards) for buffer in whole)
+    for note in transitions.notes:
+        LOGGER.warning(note)
+    if left:
+        LOGGER.warning("%s: %d steps of an episode without an end are left out", path, left)
+    return whole
 
-    ends = np.flatnonzero(found.terminated | found.truncated) + 1
+
+def _buffers(transitions: Transitions) -> list[Any]:
+    kind = importlib.import_module("minari.data_collector").EpisodeBuffer
+    ends = np.flatnonzero(transitions.terminated | transitions.truncated) + 1
     starts = [0, *ends[:-1].tolist()]
     return [
-        EpisodeBuffer(
+        kind(
             id=k,
-            observations=[*found.observation[a:b], found.next_observation[b - 1]],
-            actions=list(found.action[a:b]),
-            rewards=found.reward[a:b].tolist(),
-            terminations=found.terminated[a:b].tolist(),
-            truncations=found.truncated[a:b].tolist(),
+            observations=[*transitions.observation[a:b], transitions.next_observation[b - 1]],
+            actions=list(transitions.action[a:b]),
+            rewards=transitions.reward[a:b].tolist(),
+            terminations=transitions.terminated[a:b].tolist(),
+            truncations=transitions.truncated[a:b].tolist(),
         )
         for k, (a, b) in enumerate(zip(starts, ends.tolist(), strict=False))
     ]
 
 
-def _minari() -> Any:  # noqa: ANN401 - a module
+def _minari() -> ModuleType:
     try:
-        import minari  # type: ignore[import-not-found] # noqa: PLC0415 - an extra
+        return importlib.import_module("minari")
     except ImportError:
-        raise RecordingError("Minari is not installed; pip install 'transferkit[minari]'") from None
-    return minari
+        raise RecordingError("Minari is not installed", remedy="pip install 'transferkit[minari]'") from None

@@ -20,7 +20,7 @@ LOGGER = logging.getLogger("transferkit")
 
 
 def load_experience(names: Sequence[str], mapping: str | None, spec: IOSpec) -> tuple[Transitions, list[dict[str, Any]]]:
-    """The steps of all recordings and datasets together, and for each its name, steps and hash.
+    """Load the steps of all recordings and datasets together, and for each its name, steps and hash.
 
     What is left out of a file is logged as a warning.
 
@@ -31,19 +31,19 @@ def load_experience(names: Sequence[str], mapping: str | None, spec: IOSpec) -> 
     parts, ledger = [], []
     for name in names:
         if name.startswith(SCHEME):
-            found = read_minari(name.removeprefix(SCHEME), spec)
+            part = read_minari(name.removeprefix(SCHEME), spec)
         else:
-            found = read_transitions(Path(name), spec) if channels is None else read_mapped(Path(name), channels, spec)
-        for note in found.notes:
+            part = read_transitions(Path(name), spec) if channels is None else read_mapped(Path(name), channels, spec)
+        for note in part.notes:
             LOGGER.warning(note)
-        parts.append(found)
+        parts.append(part)
         digest = "" if name.startswith(SCHEME) else hashlib.sha256(Path(name).read_bytes()).hexdigest()
-        ledger.append({"name": name, "steps": len(found), "sha256": digest})
+        ledger.append({"name": name, "steps": len(part), "sha256": digest})
     return joined(parts), ledger
 
 
 def joined(parts: Sequence[Transitions]) -> Transitions:
-    """All of them, one after the other."""
+    """Join them, one after the other."""
     names = [field.name for field in fields(Transitions) if field.name != "notes"]
     columns: dict[str, Any] = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     return Transitions(**columns)

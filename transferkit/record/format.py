@@ -31,7 +31,7 @@ SCENE_HZ = 30.0
 
 @dataclass(frozen=True)
 class Names:
-    """Of the elements of every vector that is recorded, in order."""
+    """Names of the elements of every vector that is recorded, in order."""
 
     observation: Sequence[str]
     action: Sequence[str]
@@ -40,7 +40,7 @@ class Names:
 
     @classmethod
     def of(cls, spec: IOSpec, core_input: Sequence[str] = (), core_output: Sequence[str] = ()) -> Names:
-        """The spec's names, made distinct where an environment repeats one."""
+        """Take the spec's names, made distinct if an environment repeats one."""
         return cls(
             distinct([element.name for element in spec.observation]),
             distinct([actuator.name for actuator in spec.action]),
@@ -50,14 +50,14 @@ class Names:
 
 
 def distinct(names: Sequence[str]) -> list[str]:
-    """The names as plain words, which message paths of plotting tools can hold; those that occur twice with their index."""
+    """Make plain words of names, which message paths of plotting tools can hold; those that occur twice get their index."""
     plain = [re.sub(r"\W+", "_", name).strip("_") for name in names]
     once = [name if plain.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(plain)]
     return once if len(set(once)) == len(once) else [f"{name}_{i}" for i, name in enumerate(plain)]
 
 
 def schema(names: Names) -> dict[str, Any]:
-    """JSON schema of a step."""
+    """Make the JSON schema of a step."""
     number, flag, whole = {"type": "number"}, {"type": "boolean"}, {"type": "integer"}
     free = {"type": "object", "additionalProperties": number}
 
@@ -87,12 +87,12 @@ def schema(names: Names) -> dict[str, Any]:
     return {"type": "object", "title": "transferkit.Step", "properties": properties}
 
 
-def about(spec: IOSpec, **more: Any) -> dict[str, str]:  # noqa: ANN401 - JSON values
-    """The metadata about a file: values are JSON, because MCAP's are strings."""
+def about(spec: IOSpec, **more: object) -> dict[str, str]:
+    """Make the metadata about a file: values are JSON, because MCAP's are strings."""
     content = {"format": VERSION, "env": spec.env_id, "spec": spec.to_json(), **more}
     return {name: json.dumps(value, allow_nan=False) for name, value in content.items()}
 
 
 def parse(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """The inverse of `about`, and of an episode's metadata."""
+    """Read what `about` made, or an episode's metadata."""
     return {name: json.loads(value) for name, value in metadata.items()}

@@ -61,20 +61,22 @@ def load_mapping(path: Path) -> dict[str, Source]:
     """Read a mapping.
 
     Raises:
-        RecordingError: no such file, no TOML, or a table that is missing or unknown.
+        RecordingError: no such file, not TOML, or a table that is missing or unknown.
     """
     try:
         data = tomllib.loads(path.read_text())
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RecordingError(f"cannot read the mapping {path}: {error}; docs/recordings.md has an example") from None
+        raise RecordingError(f"cannot read the mapping {path}: {error}", topic="mappings") from None
     unknown = [name for name in data if name not in (*REQUIRED, *OPTIONAL)]
     missing = [name for name in REQUIRED if name not in data]
     if unknown or missing:
         what = f"has an unknown table [{unknown[0]}]" if unknown else f"has no table [{missing[0]}]"
-        raise RecordingError(f"the mapping {path} {what}; it needs {', '.join(REQUIRED)} and may have {', '.join(OPTIONAL)}")
+        raise RecordingError(
+            f"the mapping {path} {what}", remedy=f"it needs {', '.join(REQUIRED)} and may have {', '.join(OPTIONAL)}"
+        )
     strays = [name for name, table in data.items() if not isinstance(table, dict)]
     if strays:
-        raise RecordingError(f"the mapping {path} has {strays[0]} = ...; write a table [{strays[0]}]")
+        raise RecordingError(f"the mapping {path} has {strays[0]} = ...", remedy=f"write a table [{strays[0]}]")
     try:
         return {
             name: Source(table["topic"], tuple(map(str, table.get("fields") or [table["field"]])))
@@ -82,20 +84,20 @@ def load_mapping(path: Path) -> dict[str, Source]:
         }
     except (KeyError, TypeError) as error:
         raise RecordingError(
-            f"the mapping {path} has a table without {error}; each has a topic, and fields or a field"
+            f"the mapping {path} has a table without {error}", remedy="give each a topic, and fields or a field"
         ) from None
 
 
 def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Transitions:
-    """The steps of a file of any tool, for an environment of this spec.
+    """Read the steps of a file of any tool, for an environment of this spec.
 
     Raises:
-        RecordingError: no MCAP file, a topic or field that is not in it, dimensions that do not fit, NaN, or no steps.
+        RecordingError: not an MCAP file, a topic or field that is not in it, dimensions that do not fit, NaN, or no steps.
     """
     for name, dim in (("observation", spec.obs_dim), ("action", spec.act_dim)):
         if len(mapping[name].fields) != dim:
             raise RecordingError(
-                f"the mapping names {len(mapping[name].fields)} {name} fields, {spec.env_id} has {dim}; name as many"
+                f"the mapping names {len(mapping[name].fields)} {name} fields, {spec.env_id} has {dim}", remedy="name as many"
             )
     series, cut = _series(path, mapping)
     times = series["observation"].times
@@ -109,42 +111,42 @@ def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Tran
     steps = np.flatnonzero(logged & ~unknown)
     if not len(steps):
         raise RecordingError(
-            f"{path} has no step with an action and a reward between its observation and the next; check the topics"
+            f"{path} has no step with an action and a reward between its observation and the next", remedy="check the topics"
         )
     observation = series["observation"].values.astype(np.float32)
     action, reward = (series[name].values[rows[name][steps]].astype(np.float32) for name in ("action", "reward"))
     if np.abs(action).max() > 1:
         raise RecordingError(
-            f"{path} has actions beyond -1 to 1 on {mapping['action'].topic}; log shares of the actuators' ranges"
+            f"{path} has actions beyond -1 to 1 on {mapping['action'].topic}", remedy="log shares of the actuators' ranges"
         )
     terminated, truncated = (flags[name][steps] for name in OPTIONAL)
-    # The next message is that of another episode; where a termination led is not needed, since nothing follows it.
+    # The next message is that of another episode; what a termination led to is not needed, since nothing follows it.
     following = observation[np.where(terminated, steps, steps + 1)]
-    notes = _notes(path, len(steps), cut, int((~logged & followed).sum()), int(unknown.sum()))
-    found = Transitions(observation[steps], action, reward[:, 0], following, terminated, truncated, notes)
-    check_finite(found, path)
-    return found
+    notes = _notes(path, len(steps), int((~logged & followed).sum()), int(unknown.sum()), cut=cut)
+    transitions = Transitions(observation[steps], action, reward[:, 0], following, terminated, truncated, notes)
+    check_finite(transitions, path)
+    return transitions
 
 
-def _notes(path: Path, taken: int, cut: bool, lacking: int, unknown: int) -> tuple[str, ...]:  # noqa: FBT001
+def _notes(path: Path, taken: int, lacking: int, unknown: int, *, cut: bool) -> tuple[str, ...]:
     said = {
         f"{path} is cut: {taken} steps are taken": cut,
         f"{path}: {lacking} steps lack an action or a reward and are left out": lacking,
-        f"{path}: {unknown} steps that ended by time or with the file are left out, since where they led is not in it": unknown,
+        f"{path}: {unknown} steps that ended by time or with the file are left out, for it lacks what they led to": unknown,
     }
     return tuple(note for note, holds in said.items() if holds)
 
 
 def _flag(series: Series | None, rows: NDArray[np.int64] | None, steps: int) -> NDArray[np.bool_]:
-    """Whether an end was logged for each step; where nothing was, it went on."""
+    """Find whether an end was logged for each step; without a series every step went on."""
     if series is None or rows is None or not len(series.times):
         return np.zeros(steps, bool)
     return (rows[:steps] >= 0) & (series.values[rows[:steps], 0] > 0.5)
 
 
 def _series(path: Path, mapping: Mapping[str, Source]) -> tuple[dict[str, Series], bool]:
-    """Every mapped quantity over time, and whether the file was cut."""
-    found: dict[str, list[tuple[int, list[float]]]] = {name: [] for name in mapping}
+    """Read every mapped quantity over time, and whether the file was cut."""
+    rows: dict[str, list[tuple[int, list[float]]]] = {name: [] for name in mapping}
     by_topic: dict[str, list[str]] = {}
     for name, source in mapping.items():
         by_topic.setdefault(source.topic, []).append(name)
@@ -162,15 +164,17 @@ def _series(path: Path, mapping: Mapping[str, Source]) -> tuple[dict[str, Series
                 channel = channels[record.channel_id]
                 message = _decode(channel, schemas.get(channel.schema_id), record.data, protobuf, path)
                 for name in by_topic[channel.topic]:
-                    found[name].append(
+                    rows[name].append(
                         (record.log_time, [_value(message, field, channel.topic) for field in mapping[name].fields])
                     )
     except CutError:
         cut = True
     for name, source in mapping.items():
         if source.topic not in seen:
-            raise RecordingError(f"{path} has no topic {source.topic}, which [{name}] names; it has {', '.join(sorted(seen))}")
-    return {name: _sorted(rows, len(mapping[name].fields)) for name, rows in found.items()}, cut
+            raise RecordingError(
+                f"{path} has no topic {source.topic}, which [{name}] names", remedy=f"it has {', '.join(sorted(seen))}"
+            )
+    return {name: _sorted(own, len(mapping[name].fields)) for name, own in rows.items()}, cut
 
 
 def _sorted(rows: Sequence[tuple[int, list[float]]], width: int) -> Series:
@@ -180,38 +184,38 @@ def _sorted(rows: Sequence[tuple[int, list[float]]], width: int) -> Series:
 
 
 def _of_steps(series: Series, times: NDArray[np.int64]) -> NDArray[np.int64]:
-    """For every step the first row from its time on and before the next step's, or -1."""
+    """Find for every step the first row from its time on and before the next step's, or -1."""
     index = np.searchsorted(series.times, times)
     ends = np.append(times[1:], np.iinfo(np.int64).max)
     there = (index < len(series.times)) & (np.append(series.times, np.iinfo(np.int64).max)[index] < ends)
     return np.where(there, index, -1)
 
 
-def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: DecoderFactory, path: Path) -> Any:  # noqa: ANN401
+def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: DecoderFactory, path: Path) -> object:
     if channel.message_encoding == "json":
         try:
             return orjson.loads(data)
         except ValueError as error:
-            raise RecordingError(f"{path}: a message of topic {channel.topic} is no JSON ({error}); check the file") from None
+            raise RecordingError(f"{path}: a message of topic {channel.topic} is not JSON ({error})") from None
     decoder = protobuf.decoder_for(channel.message_encoding, schema)
     if decoder is None:
         raise RecordingError(
-            f"{path}: topic {channel.topic} is encoded as {channel.message_encoding}; json and protobuf can be read"
+            f"{path}: encoding of topic {channel.topic}", value=channel.message_encoding, allowed="json or protobuf"
         )
     try:
         return decoder(data)
     except DecodeError as error:
-        raise RecordingError(f"{path}: a message on {channel.topic} does not decode ({error}); check the file") from None
+        raise RecordingError(f"{path}: a message on {channel.topic} does not decode ({error})") from None
 
 
-def _value(message: Any, field: str, topic: str) -> float:  # noqa: ANN401 - JSON, or a protobuf message
-    node = message
+def _value(message: object, field: str, topic: str) -> float:
+    node: Any = message  # JSON, or a protobuf message
     for name in field.split("."):
         try:
             node = node[int(name)] if name.isdigit() else node[name] if isinstance(node, dict) else getattr(node, name)
         except (KeyError, IndexError, TypeError, AttributeError):
-            raise RecordingError(f"topic {topic} has no field {field}; check the mapping") from None
+            raise RecordingError(f"topic {topic} has no field {field}", remedy="check the mapping") from None
     try:
         return float(node)
     except (TypeError, ValueError):
-        raise RecordingError(f"field {field} of topic {topic} is no number; check the mapping") from None
+        raise RecordingError(f"field {field} of topic {topic} is not a number", remedy="check the mapping") from None

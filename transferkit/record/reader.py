@@ -22,7 +22,7 @@ from transferkit.spec import IOSpec
 MAGIC = b"\x89MCAP0\r\n"
 
 CUT_ERRORS = (McapError, struct.error, ValueError, EOFError, IndexError)
-"""What the reader raises where a file ends in the middle."""
+"""What the reader raises if a file ends in the middle."""
 
 
 @dataclass(frozen=True)
@@ -56,21 +56,21 @@ class Transitions:
     truncated: NDArray[np.bool_]
     """`(N,)`."""
     notes: Sequence[str] = field(default=())
-    """What was left out, and why, a sentence each."""
+    """What was left out and why, a sentence each."""
 
     def __len__(self) -> int:
         return len(self.reward)
 
     def batch(self) -> tuple[NDArray[np.float32], ...]:
-        """Observation, action, reward, next observation, terminated, as a replay buffer holds them."""
+        """Return observation, action, reward, next observation, terminated, as a replay buffer holds them."""
         return self.observation, self.action, self.reward, self.next_observation, self.terminated.astype(np.float32)
 
 
 def read(path: Path, *, about_only: bool = False) -> Contents:
-    """Every whole chunk of a recording, or, where that is enough, what its metadata says before the first.
+    """Read every whole chunk of a recording, or, if that is enough, what its metadata says before the first.
 
     Raises:
-        RecordingError: it does not exist, or is no MCAP file.
+        RecordingError: it does not exist, or is not an MCAP file.
     """
     about: dict[str, Any] = {}
     episodes: list[dict[str, Any]] = []
@@ -101,20 +101,18 @@ class CutError(Exception):
 
 
 def records(path: Path) -> Iterator[Any]:
-    """Every record of every whole chunk, in order; `CutError` at the end of a file that was cut.
+    """Yield every record of every whole chunk, in order; raise `CutError` at the end of a file that was cut.
 
     Raises:
-        RecordingError: it does not exist, or is no MCAP file.
+        RecordingError: it does not exist, or is not an MCAP file.
     """
     try:
         file = path.open("rb")
     except OSError as error:
-        raise RecordingError(
-            f"cannot read {path}: {error.strerror}; pass a recording, made with `transferkit record`"
-        ) from None
+        raise RecordingError(f"cannot read {path}: {error.strerror}", topic="recordings") from None
     with file:
         if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{path} is no MCAP file; pass a recording, made with `transferkit record`")
+            raise RecordingError(f"{path} is not an MCAP file", topic="recordings")
         file.seek(0)
         try:
             for record in StreamReader(file, emit_chunks=True).records:
@@ -128,7 +126,7 @@ def records(path: Path) -> Iterator[Any]:
 
 
 def read_transitions(path: Path, spec: IOSpec) -> Transitions:
-    """The steps of one of our recordings, for an environment that must be the one it was made in.
+    """Read the steps of one of our recordings, for an environment that must be the one it was made in.
 
     Raises:
         RecordingError: another tool's file, another environment or version of it, no steps, or NaN.
@@ -137,9 +135,9 @@ def read_transitions(path: Path, spec: IOSpec) -> Transitions:
     recorded = spec_of(contents, path)
     check_spec(recorded, spec, path)
     names, steps = Names.of(recorded), contents.steps
-    kept = steps if not steps or _ended(steps[-1]) else steps[:-1]  # where the last one led is not known
+    kept = steps if not steps or _ended(steps[-1]) else steps[:-1]  # what the last one led to is not known
     if not kept:
-        raise RecordingError(f"{path} holds no whole step; record it again with `transferkit record`")
+        raise RecordingError(f"{path} holds no whole step", remedy="record it again", topic="recordings")
     observation = _array(steps, "observation", names.observation)
     following = np.empty_like(observation)
     following[:-1] = observation[1:]
@@ -147,7 +145,7 @@ def read_transitions(path: Path, spec: IOSpec) -> Transitions:
         if _ended(step):
             following[k] = [step["next_observation"][name] for name in names.observation]
     n = len(kept)
-    found = Transitions(
+    transitions = Transitions(
         observation[:n],
         _array(kept, "action", names.action),
         np.array([step["reward"] for step in kept], np.float32),
@@ -156,25 +154,27 @@ def read_transitions(path: Path, spec: IOSpec) -> Transitions:
         np.array([step["truncated"] for step in kept]),
         () if contents.complete else (_taken(path, kept),),
     )
-    check_finite(found, path)
-    if not contents.about["clip_actions"] and np.abs(found.action).max() > 1:
+    check_finite(transitions, path)
+    if not contents.about["clip_actions"] and np.abs(transitions.action).max() > 1:
         raise RecordingError(
-            f"{path} has actions beyond -1 to 1 that were not clipped, as under the paper preset; record a run of another"
+            f"{path} has actions beyond -1 to 1 that were not clipped, as under the paper preset",
+            remedy="record a run of another preset",
         )
-    return replace(found, action=found.action.clip(-1.0, 1.0))
+    return replace(transitions, action=transitions.action.clip(-1.0, 1.0))
 
 
 def spec_of(contents: Contents, path: Path) -> IOSpec:
-    """The environment's spec in a recording of ours.
+    """Take the environment's spec from a recording of ours.
 
     Raises:
         RecordingError: it has none, or is of a newer format.
     """
     if not contents.about:
-        raise RecordingError(f"{path} is no recording of transferkit; name its channels with --mapping FILE.toml")
+        raise RecordingError(f"{path} is not a recording of transferkit", remedy="name its channels with {mapping}")
     if int(contents.about["format"]) > int(VERSION):
         raise RecordingError(
-            f"{path} has recording format {contents.about['format']}, this transferkit reads up to {VERSION}; upgrade it"
+            f"{path} has recording format {contents.about['format']}, this transferkit reads up to {VERSION}",
+            remedy="upgrade transferkit",
         )
     return IOSpec.from_json(contents.about["spec"])
 
@@ -186,7 +186,9 @@ def check_spec(recorded: IOSpec, spec: IOSpec, path: Path) -> None:
         RecordingError: environment, dimensions or names differ.
     """
     if recorded.env_id != spec.env_id:
-        raise RecordingError(f"{path} was recorded in {recorded.env_id}, not in {spec.env_id}; pass --env {recorded.env_id}")
+        raise RecordingError(
+            f"{path} was recorded in {recorded.env_id}, not in {spec.env_id}", remedy=f"use {{env={recorded.env_id}}}"
+        )
     for what, ours, theirs in (
         ("observation", spec.observation, recorded.observation),
         ("action", spec.action, recorded.action),
@@ -195,7 +197,8 @@ def check_spec(recorded: IOSpec, spec: IOSpec, path: Path) -> None:
         if mine != other:
             raise RecordingError(
                 f"{path} has {len(other)} {what} elements ({', '.join(other[:4])}, ...), {spec.env_id} has {len(mine)} "
-                f"({', '.join(mine[:4])}, ...); record it again with this version of the environment"
+                f"({', '.join(mine[:4])}, ...)",
+                remedy="record it again with this version of the environment",
             )
 
 
@@ -209,7 +212,9 @@ def check_finite(transitions: Transitions, path: Path) -> None:
         values = getattr(transitions, name)
         bad = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
         if bad.any():
-            raise RecordingError(f"{path} has NaN or infinity in {name}, first in step {int(bad.argmax())}; cut that part out")
+            raise RecordingError(
+                f"{path} has NaN or infinity in {name}, first in step {int(bad.argmax())}", remedy="cut that part out"
+            )
 
 
 def _taken(path: Path, steps: Sequence[dict[str, Any]]) -> str:
@@ -225,4 +230,4 @@ def _array(steps: Sequence[dict[str, Any]], field_name: str, names: Sequence[str
     try:
         return np.array([[step[field_name][name] for name in names] for step in steps], np.float32)
     except KeyError as error:
-        raise RecordingError(f"a step lacks {field_name} {error}; record it again with `transferkit record`") from None
+        raise RecordingError(f"a step lacks {field_name} {error}", remedy="record it again", topic="recordings") from None

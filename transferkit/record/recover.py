@@ -18,10 +18,10 @@ def recover(path: Path, out: Path) -> tuple[int, bool]:
     """Copy every whole chunk of an MCAP file of any tool into a new file; returns its messages, and whether any was cut off.
 
     Raises:
-        RecordingError: no MCAP file, nothing whole in it, or `out` exists.
+        RecordingError: not an MCAP file, nothing whole in it, or `out` exists.
     """
     if out.exists():
-        raise RecordingError(f"{out} exists; pass another --out FILE.mcap")
+        raise RecordingError(f"{out} exists", remedy="choose another {out}")
     count, cut = 0, True
     temporary = out.with_name(out.name + ".tmp")
     with temporary.open("wb") as file:
@@ -34,7 +34,7 @@ def recover(path: Path, out: Path) -> tuple[int, bool]:
                     count += copy(record)
                 cut = False
             if not count:
-                raise RecordingError(f"{path} was cut before its first whole chunk; nothing can be recovered")
+                raise RecordingError(f"{path} was cut before its first whole chunk, so nothing can be recovered")
             writer.finish()
         except BaseException:
             temporary.unlink()

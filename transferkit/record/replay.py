@@ -1,7 +1,5 @@
 """Simulating a recording again from its states and actions."""
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco's names come from a compiled module that pyright cannot read.
 from __future__ import annotations
 
 import base64
@@ -17,13 +15,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs import make_env
-from transferkit.envs.access import Simulation, open_simulation
+from transferkit.envs import Simulation, make_env, open_simulation
 from transferkit.errors import RecordingError
 from transferkit.record.format import Names
 from transferkit.record.reader import Contents, read, spec_of
 from transferkit.record.state import FULL_STATE, integration_state, state_size
-from transferkit.run.streams import Streams
+from transferkit.streams import Streams
 from transferkit.versions import versions
 
 PHYSICS = ("mujoco", "gymnasium", "dm-control", "shimmy", "numpy")
@@ -34,19 +31,19 @@ OnFrame = Callable[[gymnasium.Env], None]
 
 @dataclass(frozen=True)
 class Replayed:
-    """What replaying a recording came to."""
+    """The outcome of replaying a recording."""
 
     episodes: int
     steps: int
     complete: bool
-    """False for a file that was cut, of which this is the whole part."""
+    """False for a file that was cut; this is its whole part."""
     difference: str
-    """Where the simulation first left the recording; empty where every number was the same, to the bit."""
+    """Where the simulation first left the recording; empty if every number was the same, to the bit."""
     versions: dict[str, tuple[str, str]]
-    """Of packages that differ: recorded, and here."""
+    """Packages whose versions differ: recorded, and here."""
 
 
-def replay(path: Path, *, on_frame: OnFrame | None = None, render: bool = False) -> Replayed:
+def replay_recording(path: Path, *, on_frame: OnFrame | None = None, render: bool = False) -> Replayed:
     """Reset to every episode's seed and first state, apply its actions, and compare states, observations and rewards.
 
     Raises:
@@ -55,7 +52,7 @@ def replay(path: Path, *, on_frame: OnFrame | None = None, render: bool = False)
     contents = read(path)
     spec = spec_of(contents, path)
     if not contents.steps:
-        raise RecordingError(f"{path} holds no step, so nothing can be replayed; record it again")
+        raise RecordingError(f"{path} holds no step, so nothing can be replayed", remedy="record it again")
     env = make_env(spec.env_id, render_mode="rgb_array" if render else None, clip_actions=contents.about["clip_actions"])
     simulation = open_simulation(env)
     assert simulation is not None  # it was recorded
@@ -63,8 +60,8 @@ def replay(path: Path, *, on_frame: OnFrame | None = None, render: bool = False)
     with closing(env):
         for index, group in itertools.groupby(contents.steps, lambda step: step["episode"]):
             observation, _ = env.reset(seed=streams.integer("evaluation", index))
-            found = _episode(env, simulation, list(group), names, observation, on_frame)
-            difference, episodes = difference or found, episodes + 1
+            left = _episode(env, simulation, list(group), names, observation, on_frame)
+            difference, episodes = difference or left, episodes + 1
     return Replayed(episodes, len(contents.steps), contents.complete, difference, _different_versions(contents))
 
 
@@ -76,7 +73,7 @@ def _episode(
     observation: NDArray[np.float32],
     on_frame: OnFrame | None,
 ) -> str:
-    """Play one episode; where it first differs, or nothing."""
+    """Play one episode; returns where it first differs, or nothing."""
     size, difference = state_size(simulation), ""
     if len(_state(steps[0])) != size:
         return f"episode {steps[0]['episode']}: its states have {len(_state(steps[0]))} numbers, this MuJoCo's {size}"

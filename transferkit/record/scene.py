@@ -1,11 +1,9 @@
 """A MuJoCo model's geoms as Foxglove's scene: one entity a body, in the body's own frame, which transforms move."""
 
-# pyright: reportAttributeAccessIssue=false
-# mujoco's names come from a compiled module that pyright cannot read.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import mujoco
@@ -37,21 +35,21 @@ PLANE_SIZE, PLANE_THICKNESS = 20.0, 0.01
 Geom = mujoco.mjtGeom
 
 
-def scene(model: Any, nanoseconds: int) -> SceneUpdate:  # noqa: ANN401 - mujoco.MjModel
-    """Every visible geom of the model; height fields and signed distance fields are left out."""
+def scene(model: mujoco.MjModel, nanoseconds: int) -> SceneUpdate:
+    """Draw every visible geom of the model; height fields and signed distance fields are left out."""
     return SceneUpdate(entities=[_entity(model, body, _time(nanoseconds)) for body in range(model.nbody)])
 
 
 class Transforms:
-    """Where every body is in the world, of states of the simulation."""
+    """Computes where every body is in the world, from states of the simulation."""
 
-    def __init__(self, model: Any) -> None:  # noqa: ANN401 - mujoco.MjModel
+    def __init__(self, model: mujoco.MjModel) -> None:
         self._model, self._data = model, mujoco.MjData(model)  # poses in the simulation's own data may lag behind its state
         self._names = [_name(model, body) for body in range(1, model.nbody)]
         self._positions, self._quaternions = self._data.xpos[1:], self._data.xquat[1:]
 
     def at(self, state: NDArray[np.float64], nanoseconds: int) -> FrameTransforms:
-        """The message for an integration state."""
+        """Make the message for an integration state."""
         mujoco.mj_setState(self._model, self._data, state, FULL_STATE)
         mujoco.mj_kinematics(self._model, self._data)
         stamp = _time(nanoseconds)
@@ -70,7 +68,7 @@ def _transform(stamp: Timestamp, name: str, position: list[float], quaternion: l
     )
 
 
-def _entity(model: Any, body: int, stamp: Timestamp) -> SceneEntity:  # noqa: ANN401
+def _entity(model: mujoco.MjModel, body: int, stamp: Timestamp) -> SceneEntity:
     parts: Any = defaultdict(list)
     for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         if model.geom_rgba[geom, 3] > 0:
@@ -80,7 +78,7 @@ def _entity(model: Any, body: int, stamp: Timestamp) -> SceneEntity:  # noqa: AN
     return SceneEntity(id=name, frame_id=name, frame_locked=True, timestamp=stamp, **parts)
 
 
-def _primitives(model: Any, geom: int) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+def _primitives(model: mujoco.MjModel, geom: int) -> Iterator[tuple[str, Any]]:
     size, kind = model.geom_size[geom].tolist(), Geom(int(model.geom_type[geom]))
     look = {"pose": _pose(model.geom_pos[geom], model.geom_quat[geom]), "color": _colour(model, geom)}
     if kind == Geom.mjGEOM_SPHERE:
@@ -101,40 +99,40 @@ def _primitives(model: Any, geom: int) -> Iterator[tuple[str, Any]]:  # noqa: AN
         yield "triangles", _mesh(model, model.geom_dataid[geom], look)
 
 
-def _caps(model: Any, geom: int, size: list[float]) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
+def _caps(model: mujoco.MjModel, geom: int, size: list[float]) -> Iterator[tuple[str, Any]]:
     axis = np.zeros(3)
     mujoco.mju_rotVecQuat(axis, np.array([0.0, 0.0, size[1]]), model.geom_quat[geom])
     for end in (model.geom_pos[geom] + axis, model.geom_pos[geom] - axis):
-        pose = _pose(end, model.geom_quat[geom])
+        pose = _pose(end.tolist(), model.geom_quat[geom])
         yield "spheres", SpherePrimitive(size=_vector([2 * size[0]] * 3), pose=pose, color=_colour(model, geom))
 
 
-def _mesh(model: Any, mesh: int, look: dict[str, Any]) -> TriangleListPrimitive:  # noqa: ANN401
+def _mesh(model: mujoco.MjModel, mesh: int, look: dict[str, Any]) -> TriangleListPrimitive:
     first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
     points = [Point3(x=x, y=y, z=z) for x, y, z in model.mesh_vert[first : first + count].tolist()]
     first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
     return TriangleListPrimitive(points=points, indices=model.mesh_face[first : first + count].ravel().tolist(), **look)
 
 
-def _name(model: Any, body: int) -> str:  # noqa: ANN401
+def _name(model: mujoco.MjModel, body: int) -> str:
     return WORLD if body == 0 else model.body(body).name or f"body {body}"
 
 
-def _colour(model: Any, geom: int) -> Color:  # noqa: ANN401
+def _colour(model: mujoco.MjModel, geom: int) -> Color:
     material = model.geom_matid[geom]
     r, g, b, a = (model.geom_rgba[geom] if material < 0 else model.mat_rgba[material]).tolist()
     return Color(r=r, g=g, b=b, a=a)
 
 
-def _pose(position: Any, quaternion: Any) -> Pose:  # noqa: ANN401 - arrays
+def _pose(position: Sequence[float], quaternion: Sequence[float]) -> Pose:
     return Pose(position=_vector(position), orientation=_quaternion(quaternion))
 
 
-def _vector(xyz: Any) -> Vector3:  # noqa: ANN401
+def _vector(xyz: Sequence[float]) -> Vector3:
     return Vector3(x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
-def _quaternion(wxyz: Any) -> Quaternion:  # noqa: ANN401 - MuJoCo's order
+def _quaternion(wxyz: Sequence[float]) -> Quaternion:
     return Quaternion(w=float(wxyz[0]), x=float(wxyz[1]), y=float(wxyz[2]), z=float(wxyz[3]))
 
 

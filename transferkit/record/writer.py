@@ -65,9 +65,9 @@ class Recorder:
         try:
             self._writer = open_mcap(path, context=context, writer_options=OPTIONS)
         except FileExistsError:
-            raise RecordingError(f"{path} exists; pass another --out FILE.mcap") from None
+            raise RecordingError(f"{path} exists", remedy="choose another {out}") from None
         except OSError as error:
-            raise RecordingError(f"cannot write {path}: {error}; pass --out in a folder that exists") from None
+            raise RecordingError(f"cannot write {path}: {error}", remedy="choose an {out} in a folder that exists") from None
         self._sure(lambda: self._writer.write_metadata(ABOUT, dict(metadata)))
         self._steps = Channel(STEP, schema=schema(names), context=context)
         self._scene = SceneUpdateChannel(SCENE, context=context)
@@ -82,7 +82,7 @@ class Recorder:
             self._sure(self._writer.close)  # with the summary, by which readers find their way quickly
 
     def time(self, step: int) -> int:
-        """Nanoseconds of a step of this file."""
+        """Return the nanoseconds of a step of this file."""
         return step * self._nanoseconds
 
     def add_steps(self, episode: int, first: int, steps: Steps, total: float, inner: Mapping[str, NDArray[Any]]) -> float:
@@ -123,10 +123,12 @@ class Recorder:
         try:
             write()
         except RuntimeError as error:
-            raise RecordingError(f"cannot write on {self.path} ({error}); make room on the disk, and record again") from None
+            raise RecordingError(
+                f"cannot go on writing {self.path} ({error})", remedy="make room on the disk, and record again"
+            ) from None
 
     def _columns(self, steps: Steps) -> dict[str, Sequence[Any]]:
-        """Of every field, a value for each step."""
+        """Make a value of every field for each step."""
         going_on, physics = [False] * (len(steps.reward) - 1), {name: x.tolist() for name, x in steps.physics.items()}
         return {
             "observation": _named(self._names.observation, steps.observation),
@@ -156,6 +158,6 @@ def _check_finite(episode: int, first: int, steps: Steps, inner: Mapping[str, ND
     bad = np.flatnonzero(~np.logical_and.reduce([np.isfinite(x.reshape(len(x), -1)).all(-1) for x in numbers]))
     if len(bad):
         raise NotFiniteError(
-            f"step {first + bad[0]} of episode {episode} has a NaN or infinite value; the recording ends before step {first}: "
-            "find out what the policy or the environment does there, and record into another file"
+            f"step {first + bad[0]} of episode {episode} has a NaN or infinite value; the recording ends before step {first}",
+            remedy="find out what the policy or the environment does there, and record into another {out}",
         )

@@ -6,42 +6,28 @@ import csv
 import fcntl
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
+from types import TracebackType
 from typing import Any, TextIO
 
 from transferkit.errors import RunDirectoryError, RunInUseError
-from transferkit.run.files import load_state, save_state, write_json, writing
+from transferkit.files import read_json, write_json, writing
+from transferkit.run.state_file import load_state, save_state
+from transferkit.run.tables import ALWAYS, TABLES, Row
 from transferkit.versions import command, git_state, versions
 
 RECORD, CHECKPOINT, POLICY, RESULT = "run.json", "checkpoint.safetensors", "policy.safetensors", "result.json"
-TABLES: Mapping[str, Sequence[str]] = {
-    "episodes": ("episode", "env_index", "return", "length", "terminated", "steps", "seconds"),
-    "evaluations": ("episodes", "steps", "seconds", "return_mean", "return_std", "return_low", "return_high", "n"),
-    "model": (
-        "steps",
-        "error_1",
-        "error_5",
-        "error_20",
-        "disagreement",
-        "reward_error",
-        "termination_accuracy",
-        "terminations_found",
-    ),
-}
-ALWAYS = ("episodes", "evaluations")
-"""Tables that are there from the start; another comes with its first row."""
-
 LOCK = ".lock"
 LEFTOVERS = (LOCK, RECORD + ".tmp")
-"""What a start that was killed before it wrote its record leaves behind."""
+"""Files that a start leaves behind if it is killed before it wrote its record."""
 
 
 class RunDirectory:
     """Files of a run: record, tables (episodes, evaluations, diagnoses of a model), checkpoint, final policy, result.
 
-    Rows are appended as they happen; a checkpoint notes how long the tables were, and resuming cuts them back to it, so
-    that the re-run steps write the same rows again.
+    Rows are appended as they happen. A checkpoint notes how long the tables were, and resuming cuts them back to it, so that
+    the steps that run again write the same rows again. As a context it releases the directory at its end.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,60 +44,53 @@ class RunDirectory:
             RunDirectoryError: the folder holds a run or other files, or is not writable.
         """
         if path.exists() and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
-            raise RunDirectoryError(f"output directory {path} is in use; continue it with --resume or pass another --out DIR")
+            raise RunDirectoryError(
+                f"output directory {path} is in use", remedy="continue it with {resume=True}, or choose another {out}"
+            )
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
         run = cls(path)
         if (path / RECORD).exists():
-            raise RunInUseError(f"another process has just started {path}; continue it with --resume or pass another --out DIR")
-        record = {
-            "config": dict(config),
-            "command": command(),
-            "versions": versions(),
-            "git": git_state(),
-        }
-        write_json(path / RECORD, record)
-        for name in ALWAYS:
-            run._open(name)
+            run.close()
+            raise RunInUseError(
+                f"another process has just started {path}", remedy="continue it with {resume=True}, or choose another {out}"
+            )
+        write_json(path / RECORD, {"config": dict(config), "command": command(), "versions": versions(), "git": git_state()})
+        for kind in ALWAYS:
+            run._open(kind)
         return run
 
     @classmethod
-    def resume(cls, path: Path, config: Mapping[str, Any]) -> tuple[RunDirectory, Any]:
-        """Take up a run; returns it with the state of its last checkpoint, or None where there is none or the run is finished.
+    def resume(cls, path: Path) -> tuple[RunDirectory, dict[str, Any] | None]:
+        """Take up a run; returns it with the state of its last checkpoint, or None if there is none or the run is finished.
 
         Raises:
-            RunDirectoryError: no run there, one with another configuration, or one that another process is writing.
+            RunDirectoryError: no run is there, or another process is writing it.
         """
-        record = read_json(path / RECORD)
-        different = sorted(_differences(record["config"], json.loads(json.dumps(dict(config)))))
-        if different:
-            raise RunDirectoryError(
-                f"run {path} was made with another configuration: {', '.join(different)}; resume with its own values, or "
-                "start anew with another --out DIR"
-            )
         run = cls(path)
         if run.result is not None:
             return run, None  # finished: its tables stay as they are
         state = load_state(path / CHECKPOINT) if (path / CHECKPOINT).exists() else None
-        for name in TABLES:
-            if run._table_path(name).exists():
+        for kind in TABLES:
+            if run._table_path(kind).exists():
                 with writing(path):
-                    os.truncate(run._table_path(name), state["tables"].get(name, 0) if state else 0)
-                run._open(name)
+                    os.truncate(run._table_path(kind), state["tables"].get(kind.table, 0) if state else 0)
+                run._open(kind)
         return run, state
 
-    def append(self, table: str, row: Mapping[str, Any]) -> None:
-        """Add one row to a table."""
-        if table not in self._tables:
-            self._open(table)
-        with writing(self._table_path(table)):
-            csv.DictWriter(self._tables[table], TABLES[table], lineterminator="\n").writerow(row)
+    def append(self, row: Row) -> None:
+        """Add one row to its table."""
+        kind = type(row)
+        if kind.table not in self._tables:
+            self._open(kind)
+        with writing(self._table_path(kind)):
+            csv.writer(self._tables[kind.table], lineterminator="\n").writerow(row.values())
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
         """Replace the checkpoint, after the rows it counts on are on the disk."""
         lengths = {}
         for name, file in self._tables.items():
-            with writing(self._table_path(name)):
+            with writing(self.path / f"{name}.csv"):
                 file.flush()
                 os.fsync(file.fileno())
             lengths[name] = file.tell()
@@ -136,6 +115,12 @@ class RunDirectory:
             file.close()
         self._lock.close()
 
+    def __enter__(self) -> RunDirectory:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
     def _acquire(self) -> TextIO:
         with writing(self.path):
             lock = (self.path / LOCK).open("w")
@@ -143,38 +128,34 @@ class RunDirectory:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             lock.close()
-            raise RunInUseError(f"another process is writing {self.path}; wait for it or pass another --out DIR") from None
+            raise RunInUseError(
+                f"another process is writing {self.path}", remedy="wait for it, or choose another {out}"
+            ) from None
         return lock
 
-    def _open(self, name: str) -> None:
-        with writing(self._table_path(name)):
-            file = self._table_path(name).open("a", buffering=1, newline="")
-            self._tables[name] = file
+    def _open(self, kind: type[Row]) -> None:
+        with writing(self._table_path(kind)):
+            file = self._table_path(kind).open("a", buffering=1, newline="")
+            self._tables[kind.table] = file
             if file.tell() == 0:
-                csv.writer(file, lineterminator="\n").writerow(TABLES[name])
+                csv.writer(file, lineterminator="\n").writerow(kind.columns())
 
-    def _table_path(self, name: str) -> Path:
-        return self.path / f"{name}.csv"
-
-
-def read_table(path: Path, table: str) -> list[dict[str, float]]:
-    """The rows of a run's table, all values as numbers."""
-    with (path / f"{table}.csv").open(newline="") as file:
-        return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+    def _table_path(self, kind: type[Row]) -> Path:
+        return self.path / f"{kind.table}.csv"
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON file of a run.
+def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> None:
+    """Compare the configuration that a run was started with and the one it is to go on with.
 
     Raises:
-        RunDirectoryError: it is missing or damaged.
+        RunDirectoryError: they differ.
     """
-    try:
-        return json.loads(path.read_text())
-    except OSError:
-        raise RunDirectoryError(f"{path.parent} holds no {path.name}; pass the --out DIR of a training run") from None
-    except ValueError as error:
-        raise RunDirectoryError(f"{path} is damaged ({error}); train again into another --out DIR") from None
+    different = sorted(_differences(recorded, json.loads(json.dumps(dict(config)))))
+    if different:
+        raise RunDirectoryError(
+            f"run {path} was made with another configuration: {', '.join(different)}",
+            remedy="resume with its own values, or start anew with another {out}",
+        )
 
 
 def _differences(a: Mapping[str, Any], b: Mapping[str, Any], prefix: str = "") -> list[str]:

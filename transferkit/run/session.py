@@ -1,30 +1,46 @@
-"""A training run while it is going on: what it has spent, what it writes, when it stops."""
+"""A training run in progress: what it has spent, what it writes, when it stops."""
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from transferkit.budget import Budget, Spent
-from transferkit.errors import Interrupted, NotFiniteError
+from transferkit.errors import InterruptedRunError, NotFiniteError
 from transferkit.run.directory import RunDirectory
+from transferkit.run.scalars import ScalarLog
+from transferkit.run.stop_signals import StopRequest, stop_signals
+from transferkit.run.tables import EpisodeRow, EvaluationRow
 
 RECENT = 50
 """Episodes in the running mean that progress shows; the paper's window."""
+
+Scores = Mapping[str, float]
+"""Mean, deviation and interval of an evaluation's returns, and its number of episodes, by column."""
 
 Report = Callable[[Spent, Mapping[str, float]], None]
 """Called after every update with what is spent and the latest metrics, for a progress bar."""
 
 
+@dataclass(frozen=True)
+class Schedule:
+    """When a session evaluates, stops and writes checkpoints."""
+
+    eval_every: int = 0
+    """Environment steps between evaluations; 0 for none during training."""
+    stop_at: float | None = None
+    """Mean return of an evaluation, after the first one, that ends training."""
+    checkpoint_seconds: float = 20.0
+
+
 class Session:
-    """Counts experience against the budget, writes rows and checkpoints, and ends the run exactly where the budget does."""
+    """Counts experience against the budget, writes rows and checkpoints, and ends the run exactly when the budget does."""
 
     def __init__(
         self,
@@ -32,23 +48,19 @@ class Session:
         budget: Budget,
         num_envs: int,
         *,
-        evaluate: Callable[[Session], Mapping[str, float]],
-        eval_every: int = 0,
-        stop_at: float | None = None,
-        checkpoint_seconds: float = 20.0,
+        evaluate: Callable[[Session], Scores],
+        schedule: Schedule | None = None,
         report: Report | None = None,
     ) -> None:
         self.directory, self.budget, self.spent = directory, budget, Spent()
-        self._evaluate, self._eval_every, self._stop_at = evaluate, eval_every, stop_at
-        self._checkpoint_seconds, self._report = checkpoint_seconds, report
+        self._evaluate, self.schedule, self._report = evaluate, schedule or Schedule(), report
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
         self._recent: deque[float] = deque(maxlen=RECENT)
         self._evaluated = self.evaluations = 0
-        self._scores: Mapping[str, float] = {}
-        self._interrupted = False
-        self._started = self._saved = 0.0
-        self._seconds_before = 0.0
-        self._writer: Any = None
+        self._scores: Scores = {}
+        self._stop = StopRequest()
+        self._started = self._saved = self._seconds_before = 0.0
+        self._log: ScalarLog
 
     @property
     def progress(self) -> float:
@@ -57,10 +69,10 @@ class Session:
 
     @property
     def step_progress(self) -> float:
-        """Share of the budget's steps that is spent; of the budget, where it does not limit them."""
+        """Share of the budget's steps that is spent; of the budget, if it does not limit them."""
         return self.spent.step_fraction(self.budget)
 
-    def count(self, index: int, reward: float, terminated: bool, truncated: bool) -> bool:  # noqa: FBT001
+    def count(self, index: int, reward: float, *, terminated: bool, truncated: bool) -> bool:
         """Book one step of one environment; True once the budget is reached."""
         spent = self.spent
         spent.steps += 1
@@ -68,65 +80,47 @@ class Session:
         self._return[index] += reward
         self._length[index] += 1
         if terminated or truncated:
-            spent.episodes += 1
-            self._recent.append(self._return[index])
-            self.directory.append(
-                "episodes",
-                {
-                    "episode": spent.episodes,
-                    "env_index": index,
-                    "return": float(self._return[index]),
-                    "length": int(self._length[index]),
-                    "terminated": int(terminated),
-                    "steps": spent.steps,
-                    "seconds": round(spent.seconds, 3),
-                },
-            )
-            self._return[index], self._length[index] = 0.0, 0
+            self._end_episode(index, terminated=terminated)
         return spent.exhausts(self.budget)
 
     def after_update(self, metrics: Mapping[str, float], state: Callable[[], Mapping[str, Any]]) -> None:
-        """Check and log an update; evaluate and write a checkpoint where one is due.
+        """Check and log an update; evaluate and write a checkpoint if one is due.
 
         Raises:
             NotFiniteError: a metric is NaN or infinite; the last checkpoint stays.
-            Interrupted: a signal came; the checkpoint is written.
+            InterruptedRunError: a signal came; the checkpoint is written.
         """
-        for name, value in metrics.items():
-            if not np.isfinite(value):
-                raise NotFiniteError(
-                    f"{name} became {value} at environment step {self.spent.steps}; the last good checkpoint in "
-                    f"{self.directory.path} is kept: lower the learning rate and train into another --out DIR"
-                )
-        recent = {"recent_return": float(np.mean(self._recent))} if self._recent else {}
-        self._log({**metrics, **recent})
-        if self._eval_every and self._evaluations_due():
+        self._check_finite(metrics)
+        if self._recent:
+            metrics = {**metrics, "recent_return": float(np.mean(self._recent))}
+        self._add_scalars(metrics)
+        if self._evaluation_is_due:
             self.evaluate()
         if self._report is not None:
-            self._report(self.spent, {**metrics, **recent})
-        if self._interrupted or time.monotonic() - self._saved >= self._checkpoint_seconds:
+            self._report(self.spent, metrics)
+        if self._stop.made or time.monotonic() - self._saved >= self.schedule.checkpoint_seconds:
             self.checkpoint(state())
-        if self._interrupted:
-            raise Interrupted(
-                f"stopped at episode {self.spent.episodes}, step {self.spent.steps}; everything is saved: the same command "
-                f"with --out {self.directory.path} --resume goes on"
+        if self._stop.made:
+            raise InterruptedRunError(
+                f"stopped at episode {self.spent.episodes}, step {self.spent.steps}; everything is in {self.directory.path}",
+                remedy="the same call goes on with {resume=True}",
             )
 
-    def evaluate(self) -> Mapping[str, float]:
+    def evaluate(self) -> Scores:
         """Evaluate the policy, off the clock, and write the row; at a step that has been evaluated nothing is done again."""
         if self._scores and self._evaluated == self.spent.steps:
             return self._scores
+        spent = self.spent
         with self._paused():
-            row = {"episodes": self.spent.episodes, "steps": self.spent.steps, "seconds": round(self.spent.seconds, 3)}
             scores = self._evaluate(self)
-            self.directory.append("evaluations", {**row, **scores})
-            self._log({f"evaluation/{name}": value for name, value in scores.items()})
-        self._evaluated, self._scores = self.spent.steps, scores
+            self.directory.append(EvaluationRow(spent.episodes, spent.steps, round(spent.seconds, 3), **scores))
+            self._add_scalars({f"evaluation/{name}": value for name, value in scores.items()})
+        self._evaluated, self._scores = spent.steps, scores
         self.evaluations += 1
         return scores
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
-        """Write the trainer's state with the session's own."""
+        """Write the state of the trainer and of its environments with the session's own."""
         own = {
             "spent": [self.spent.episodes, self.spent.steps, self.spent.seconds],
             "return": self._return.tolist(),
@@ -136,7 +130,7 @@ class Session:
             "evaluations": self.evaluations,
             "scores": dict(self._scores),
         }
-        self.directory.checkpoint({"session": own, "trainer": dict(state)})
+        self.directory.checkpoint({"session": own, **state})
         self._saved = time.monotonic()
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -150,43 +144,43 @@ class Session:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Start the clock, and turn Ctrl-C and SIGTERM into a clean stop at the next update; a second one stops at once."""
-        self._started = self._saved = time.monotonic()
-        if threading.current_thread() is not threading.main_thread():
+        """Start the clock; Ctrl-C and SIGTERM stop cleanly at the next update, a second one at once."""
+        with stop_signals() as self._stop, closing(ScalarLog(self.directory.path, self.spent.steps)) as self._log:
+            self._started = self._saved = time.monotonic()
             yield
-            return
-        previous = {number: signal.signal(number, self._interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
-        try:
-            yield
-        finally:
-            for number, handler in previous.items():
-                signal.signal(number, handler)
-            if self._writer is not None:
-                self._writer.close()
 
     @property
     def _good_enough(self) -> bool:
-        return self._stop_at is not None and self._evaluated > 0 and self._scores["return_mean"] >= self._stop_at
+        stop_at = self.schedule.stop_at
+        return stop_at is not None and self._evaluated > 0 and self._scores["return_mean"] >= stop_at
 
-    def _evaluations_due(self) -> bool:
-        return self.spent.steps // self._eval_every > self._evaluated // self._eval_every
+    @property
+    def _evaluation_is_due(self) -> bool:
+        every = self.schedule.eval_every
+        return bool(every) and self.spent.steps // every > self._evaluated // every
 
-    def _interrupt(self, number: int, frame: object) -> None:
-        if self._interrupted:
-            raise KeyboardInterrupt
-        self._interrupted = True
+    def _end_episode(self, index: int, *, terminated: bool) -> None:
+        spent, total = self.spent, float(self._return[index])
+        spent.episodes += 1
+        self._recent.append(total)
+        length, seconds = int(self._length[index]), round(spent.seconds, 3)
+        self.directory.append(EpisodeRow(spent.episodes, index, total, length, int(terminated), spent.steps, seconds))
+        self._return[index], self._length[index] = 0.0, 0
+
+    def _check_finite(self, metrics: Mapping[str, float]) -> None:
+        for name, value in metrics.items():
+            if not np.isfinite(value):
+                raise NotFiniteError(
+                    f"{name} became {value} at environment step {self.spent.steps}; the last good checkpoint in "
+                    f"{self.directory.path} is kept",
+                    remedy="lower the learning rate and train into another {out}",
+                )
+
+    def _add_scalars(self, scalars: Mapping[str, float]) -> None:
+        self._log.add(scalars, self.spent.steps)
 
     @contextmanager
     def _paused(self) -> Iterator[None]:
         before = time.monotonic()
         yield
         self._started += time.monotonic() - before
-
-    def _log(self, scalars: Mapping[str, float]) -> None:
-        if self._writer is None:
-            from torch.utils.tensorboard import SummaryWriter  # noqa: PLC0415 - takes seconds to import
-
-            with self._paused():
-                self._writer = SummaryWriter(str(self.directory.path / "tensorboard"), purge_step=self.spent.steps)
-        for name, value in scalars.items():
-            self._writer.add_scalar(name, value, self.spent.steps)

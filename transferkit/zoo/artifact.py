@@ -11,16 +11,16 @@ import torch
 from torch import Tensor
 
 from transferkit.errors import ArtifactError
+from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, EnsembleArchitecture
-from transferkit.policy.core import Core
-from transferkit.run.files import write_atomically, write_json
-from transferkit.run.streams import Streams
-from transferkit.zoo.card import CARD, PROBE, README, WEIGHTS, Card, Part, read_card, sha256
+from transferkit.policy import Core
+from transferkit.streams import Streams
+from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, Card, ComponentCard, read_card, sha256
 from transferkit.zoo.catalog import find_core
 from transferkit.zoo.readme import render
 
 ENSEMBLES = ("critic", "dynamics")
-"""Optional parts of a core, each a method of `Core`."""
+"""Optional components of a core, each a method of `Core`."""
 
 PROBE_INPUTS = 32
 PROBE_TOLERANCE = 1e-5
@@ -38,24 +38,22 @@ def load_core(name: str | Path) -> Core:
     card = read_card(folder)
     check_hashes(folder, card)
     tensors = _read(folder / WEIGHTS)
-    parts: dict[str, dict[str, Tensor]] = {}
+    components: dict[str, dict[str, Tensor]] = {}
     for key, tensor in tensors.items():
-        part, _, parameter = key.partition("/")
-        parts.setdefault(part, {})[parameter] = tensor
-    if set(parts) != set(card.parts):
+        component, _, parameter = key.partition("/")
+        components.setdefault(component, {})[parameter] = tensor
+    if set(components) != set(card.components):
         raise ArtifactError(
-            f"core {card.id} holds parts {sorted(parts)}, its card says {sorted(card.parts)}; restore it from its source"
+            f"core {card.id} holds the components {sorted(components)}, its card says {sorted(card.components)}", remedy=RESTORE
         )
-    if "policy" not in parts:
-        raise ArtifactError(f"core {card.id} has no policy part; write it again with `transferkit pretrain`")
+    if "policy" not in components:
+        raise ArtifactError(f"core {card.id} has no policy", remedy="pretrain it again")
     try:
-        architecture = Architecture.from_json(card.parts["policy"].architecture)
-        ensembles = {k: EnsembleArchitecture.from_json(card.parts[k].architecture) for k in ENSEMBLES if k in parts}
-        core = Core(card.id, card.source, architecture, card.seeds, parts, str(card.to_json()["digest"]), ensembles)
+        core = _core(card, components)
         for member in range(len(card.seeds)):
             core.policy(member)
-            for part in ensembles:
-                getattr(core, part)(member)
+            for component in core.ensembles:
+                getattr(core, component)(member)
     except (KeyError, TypeError, RuntimeError) as error:  # torch's message lists every tensor that does not fit, on many lines
         reason = " ".join(str(error).split())[:200]
         raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})") from None
@@ -69,9 +67,9 @@ def save_core(core: Core, card: Card, folder: Path) -> Card:
         ArtifactError: the folder exists; a released version is never rewritten.
     """
     if folder.exists() and any(folder.iterdir()):
-        raise ArtifactError(f"{folder} exists and a released core is never rewritten; pass a higher --version")
+        raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
     folder.mkdir(parents=True, exist_ok=True)
-    flat = {f"{part}/{name}": tensor for part, tensors in core.parts.items() for name, tensor in tensors.items()}
+    flat = {f"{component}/{name}": tensor for component, tensors in core.components.items() for name, tensor in tensors.items()}
     write_atomically(folder / WEIGHTS, safetensors.torch.save(flat))
     write_atomically(folder / PROBE, safetensors.torch.save(_make_probe(core)))
     complete = replace(card, files={name: sha256(folder / name) for name in (WEIGHTS, PROBE)})
@@ -80,25 +78,32 @@ def save_core(core: Core, card: Card, folder: Path) -> Card:
     return complete
 
 
-def policy_part(architecture: Architecture) -> Part:
-    """The card's entry of a policy network, with its ends named."""
+def _core(card: Card, components: dict[str, dict[str, Tensor]]) -> Core:
+    kinds = card.components
+    ensembles = {name: EnsembleArchitecture.from_json(kinds[name].architecture) for name in ENSEMBLES if name in components}
+    architecture = Architecture.from_json(kinds["policy"].architecture)
+    return Core(card.id, card.source, architecture, card.seeds, components, str(card.to_json()["digest"]), ensembles)
+
+
+def policy_card(architecture: Architecture) -> ComponentCard:
+    """Make the card's entry of a policy network, with its ends named."""
     heads = ("mean_head", "log_std_head") if architecture.std == "head" else ("mean_head",)
     output = [f"{head}.{name}" for head in heads for name in ("weight", "bias")]
     if architecture.std == "parameter":
         output.append("log_std")
-    return Part("policy", architecture.to_json(), ("body.0.weight",), tuple(output))
+    return ComponentCard("policy", architecture.to_json(), ("body.0.weight",), tuple(output))
 
 
-def ensemble_part(kind: str, architecture: EnsembleArchitecture) -> Part:
-    """The card's entry of critics or of a model, with its ends named."""
+def ensemble_card(kind: str, architecture: EnsembleArchitecture) -> ComponentCard:
+    """Make the card's entry of critics or of a model, with its ends named."""
     outputs = ("ensemble.head.weight", "ensemble.head.bias")
     statistics = ("mean", "std") if kind == "dynamics" else ()
-    return Part(kind, architecture.to_json(), ("ensemble.body.0.weight",), outputs + statistics)
+    return ComponentCard(kind, architecture.to_json(), ("ensemble.body.0.weight",), outputs + statistics)
 
 
-def normalizer_part(obs_dim: int) -> Part:
-    """The card's entry of the source's observation statistics, which are an end as a whole."""
-    return Part("normalizer", {"obs_dim": obs_dim}, ("mean", "var", "count"), ())
+def normalizer_card(obs_dim: int) -> ComponentCard:
+    """Make the card's entry of the source's observation statistics, which are an end as a whole."""
+    return ComponentCard("normalizer", {"obs_dim": obs_dim}, ("mean", "var", "count"), ())
 
 
 def check_hashes(folder: Path, card: Card) -> None:
@@ -110,13 +115,13 @@ def check_hashes(folder: Path, card: Card) -> None:
     for name, expected in card.files.items():
         path = folder / name
         if not path.exists():
-            raise ArtifactError(f"core {card.id} lacks its file {name}; restore the folder from its source")
+            raise ArtifactError(f"core {card.id} lacks its file {name}", remedy=RESTORE)
         if sha256(path) != expected:
-            raise ArtifactError(f"core {card.id}: {name} is truncated or was changed; restore the folder from its source")
+            raise ArtifactError(f"core {card.id}: {name} is truncated or was changed", remedy=RESTORE)
 
 
 def check_probe(core: Core, folder: Path) -> float:
-    """Largest difference between the core's outputs on the stored inputs and the stored outputs.
+    """Find the largest difference between the core's outputs on the stored inputs and the stored outputs.
 
     Raises:
         ArtifactError: it exceeds the tolerance.
@@ -129,7 +134,9 @@ def check_probe(core: Core, folder: Path) -> float:
     if not worst <= PROBE_TOLERANCE:
         raise ArtifactError(
             f"core {core.id} computes other outputs than it was released with (difference {worst:.2e}, allowed "
-            f"{PROBE_TOLERANCE:.0e}); check the torch version with `transferkit doctor`"
+            f"{PROBE_TOLERANCE:.0e})",
+            remedy="check the version of torch",
+            topic="installation",
         )
     return worst
 
@@ -145,7 +152,7 @@ def _make_probe(core: Core) -> dict[str, Tensor]:
 
 @torch.no_grad()
 def _outputs(core: Core, member: int, observation: Tensor) -> dict[str, Tensor]:
-    """What every part of a member says; critics and model of the policy's own action."""
+    """Compute what every component of a member says; critics and model for the policy's own action."""
     mean, log_std = core.policy(member)(observation)
     outputs = {"mean": mean, "log_std": log_std}
     action = mean.clamp(-1.0, 1.0)
@@ -160,4 +167,4 @@ def _read(path: Path) -> dict[str, Tensor]:
     try:
         return safetensors.torch.load_file(path)
     except (OSError, safetensors.SafetensorError) as error:
-        raise ArtifactError(f"{path} cannot be read ({error}); restore the folder from its source") from None
+        raise ArtifactError(f"{path} cannot be read ({error})", remedy=RESTORE) from None

@@ -15,6 +15,8 @@ from typing import Any
 from transferkit.errors import ArtifactError
 from transferkit.spec import IOSpec
 
+RESTORE = "restore the folder from its source"
+
 SCHEMA = 1
 """Version of the card this transferkit writes, and the newest it reads."""
 
@@ -22,13 +24,13 @@ CARD, WEIGHTS, PROBE, README = "card.json", "core.safetensors", "probe.safetenso
 
 
 @dataclass(frozen=True)
-class Part:
+class ComponentCard:
     """One network of the core, or the statistics of its source's observations."""
 
     kind: str
     """`policy`, `critic`, `dynamics` or `normalizer`."""
     architecture: Mapping[str, Any]
-    """What is needed to rebuild it before its weights are loaded."""
+    """Everything needed to rebuild it before its weights are loaded."""
     input_end: tuple[str, ...]
     """Tensors that meet the source's observation, which wrapping on another environment makes meaningless."""
     output_end: tuple[str, ...]
@@ -42,11 +44,11 @@ class Score:
     mean: float
     low: float
     high: float
-    """95 % interval over members; of cores made before transferkit took Student's, a bootstrap's."""
+    """95 % interval over members: Student's, or a bootstrap's in older cores."""
     episodes: int
     """Per member."""
     seed: int
-    """Of the evaluation."""
+    """Seed of the evaluation."""
     members: tuple[float, ...]
     """Mean return of each."""
     threshold: float
@@ -60,7 +62,8 @@ class Card:
     id: str
     description: str
     source: IOSpec
-    parts: Mapping[str, Part]
+    components: Mapping[str, ComponentCard]
+    """By name; under `parts` in the file."""
     seeds: tuple[int, ...]
     score: Score
     spent: tuple[Mapping[str, float], ...]
@@ -77,8 +80,9 @@ class Card:
     schema: int = SCHEMA
 
     def to_json(self) -> dict[str, Any]:
-        """JSON-ready data with its digest."""
+        """Return JSON-ready data with its digest."""
         data = {**asdict(self), "source": self.source.to_json()}
+        data["parts"] = data.pop("components")
         return {**data, "digest": digest(data)}
 
 
@@ -93,28 +97,28 @@ def read_card(folder: Path) -> Card:
         data = json.loads(path.read_text())
         schema = int(data["schema"])
     except OSError:
-        raise ArtifactError(f"{folder} is no core: it has no {CARD}; `transferkit zoo list` lists cores") from None
+        raise ArtifactError(f"{folder} is not a core: it has no {CARD}", topic="cores") from None
     except (ValueError, KeyError, TypeError) as error:
-        raise ArtifactError(f"{path} is not a core's card ({error}); restore the folder from its source") from None
+        raise ArtifactError(f"{path} is not a core's card ({error})", remedy=RESTORE) from None
     if schema > SCHEMA:
         raise ArtifactError(
-            f"core {folder.name} has card schema {schema}, this transferkit reads up to {SCHEMA}; upgrade transferkit"
+            f"core {folder.name} has card schema {schema}, this transferkit reads up to {SCHEMA}", remedy="upgrade transferkit"
         )
     if data.pop("digest", None) != digest(data):
-        raise ArtifactError(f"{path} was changed: its digest does not fit; restore the folder from its source")
+        raise ArtifactError(f"{path} was changed: its digest does not fit", remedy=RESTORE)
     try:
         return _from_json(data)
     except (KeyError, TypeError) as error:
-        raise ArtifactError(f"{path} does not follow card schema {SCHEMA} ({error}); restore it from its source") from None
+        raise ArtifactError(f"{path} does not follow card schema {SCHEMA} ({error})", remedy=RESTORE) from None
 
 
 def digest(data: Mapping[str, Any]) -> str:
-    """sha256 of the canonical JSON of a card without its digest."""
+    """Compute the sha256 of the canonical JSON of a card without its digest."""
     return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
 
 
 def sha256(path: Path) -> str:
-    """sha256 of a file."""
+    """Compute the sha256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
@@ -122,9 +126,9 @@ def sha256(path: Path) -> str:
 def _from_json(data: Mapping[str, Any]) -> Card:
     fields = dict(data)
     fields["source"] = IOSpec.from_json(data["source"])
-    fields["parts"] = {
-        name: Part(**{**part, "input_end": tuple(part["input_end"]), "output_end": tuple(part["output_end"])})
-        for name, part in data["parts"].items()
+    fields["components"] = {
+        name: ComponentCard(**{**own, "input_end": tuple(own["input_end"]), "output_end": tuple(own["output_end"])})
+        for name, own in fields.pop("parts").items()
     }
     fields["score"] = Score(**{**data["score"], "members": tuple(data["score"]["members"])})
     for name in ("seeds", "spent", "history"):

@@ -1,10 +1,11 @@
-"""Where cores are found: the zoo that is installed with transferkit, and folders of your own."""
+"""The zoos: the one that is installed with transferkit, and folders of your own."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
+import core_zoo
 from transferkit.errors import UnknownNameError
 from transferkit.zoo.card import CARD, Card, read_card
 
@@ -13,36 +14,34 @@ ZOO_PATH = "TRANSFERKIT_ZOO"
 
 
 def zoo_folders() -> list[Path]:
-    """Folders whose subfolders are cores."""
-    import core_zoo  # noqa: PLC0415 - a data package without logic
-
+    """Return the folders whose subfolders are cores."""
     own = [Path(entry) for entry in os.environ.get(ZOO_PATH, "").split(os.pathsep) if entry]
     return [*own, Path(core_zoo.__path__[0])]
 
 
 def core_folders() -> dict[str, Path]:
-    """Folder of every core by id; the first zoo that has an id wins."""
-    found: dict[str, Path] = {}
+    """Find the folder of every core by id; the first zoo that has an id wins."""
+    folders: dict[str, Path] = {}
     for zoo in zoo_folders():
         for card in sorted(zoo.glob(f"*/{CARD}")):
-            found.setdefault(card.parent.name, card.parent)
-    return dict(sorted(found.items()))
+            folders.setdefault(card.parent.name, card.parent)
+    return dict(sorted(folders.items()))
 
 
 def find_core(name: str | Path) -> Path:
-    """The folder of a core by id or by path.
+    """Find the folder of a core by id or by path.
 
     Raises:
-        UnknownNameError: no zoo has it and it is no folder with a card.
+        UnknownNameError: no zoo has it and it is not a folder with a card.
     """
     folders = core_folders()
     if str(name) in folders:
         return folders[str(name)]
     if (Path(name) / CARD).exists():
         return Path(name)
-    raise UnknownNameError("core", str(name), folders, "transferkit zoo list")
+    raise UnknownNameError("core", str(name), list(folders), topic="cores")
 
 
 def list_cards() -> list[Card]:
-    """The card of every core that is found."""
+    """Read the card of every core."""
     return [read_card(folder) for folder in core_folders().values()]

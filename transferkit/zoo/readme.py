@@ -6,7 +6,7 @@ from transferkit.zoo.card import Card
 
 
 def render(card: Card) -> str:
-    """Markdown."""
+    """Write Markdown."""
     spec, score = card.source, card.score
     members = "\n".join(
         f"| {k} | {seed} | {mean:.1f} | {spent['episodes']:.0f} | {spent['steps']:.0f} |"

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from transferkit.config import TrainConfig
 from transferkit.errors import ArtifactError
 from transferkit.evaluation import evaluate
 from transferkit.zoo.artifact import check_probe, load_core
@@ -20,7 +21,7 @@ ROLLOUT_TOLERANCE = 0.02
 def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
     """Check hashes, schema, shapes and probe outputs, and with `rollout` the score on the source task.
 
-    Returns the core's id, the largest probe difference and, where rolled out, the mean return.
+    Returns the core's id, the largest probe difference and, if rolled out, the mean return.
 
     Raises:
         ArtifactError: anything does not hold.
@@ -29,7 +30,7 @@ def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
     core, card = load_core(folder), read_card(folder)
     report: dict[str, Any] = {"id": core.id, "probe": check_probe(core, folder)}
     if rollout:
-        clip = bool(card.config["ppo"]["clip_actions"])
+        clip = TrainConfig.from_json(card.config).env_config.clip_actions
         means = [
             evaluate(
                 core.policy(member),
@@ -45,6 +46,8 @@ def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
         if not low <= report["rollout_mean"] <= high:
             raise ArtifactError(
                 f"core {core.id} rolls out to {report['rollout_mean']:.1f}, its card says {card.score.mean:.1f} "
-                f"({card.score.low:.1f} to {card.score.high:.1f}); compare versions with `transferkit doctor`"
+                f"({card.score.low:.1f} to {card.score.high:.1f})",
+                remedy="compare versions",
+                topic="installation",
             )
     return report

@@ -1,0 +1,33 @@
+"""Errors in the command line's own words: options as flags, and the command that tells more."""
+
+from __future__ import annotations
+
+from transferkit.errors import TransferkitError
+
+MORE = {
+    "commands": "`transferkit --help` lists the commands",
+    "cores": "`transferkit zoo list` lists the cores",
+    "environments": "`transferkit envs list` lists the environments",
+    "flags": "`--help` explains the flags",
+    "installation": "`transferkit doctor` checks the installation",
+    "mappings": "docs/recordings.md has an example",
+    "recordings": "`transferkit record` makes recordings",
+    "verification": "`transferkit zoo verify ID` checks a core",
+}
+"""What the command line knows more about the topic of an error."""
+
+
+def flag(name: str, value: str | None) -> str:
+    """Write an option as a flag: `--ppo.gamma`, `--resume`, `--algo dyna-ddpg`, `--dyna.no-mix-batches`."""
+    section, dot, key = name.replace("_", "-").rpartition(".")
+    if value == "False":
+        return f"--{section}{dot}no-{key}"
+    shown = "" if value in (None, "True") else f" {value}"
+    return f"--{section}{dot}{key}{shown}"
+
+
+def worded(error: Exception) -> str:
+    """Put an error into one line."""
+    if not isinstance(error, TransferkitError):
+        return str(error)
+    return error.worded(flag, MORE.get(error.topic, ""))

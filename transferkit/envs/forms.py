@@ -1,0 +1,123 @@
+"""The form of an observation element: which signal of the physics it is, over all sampled states."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from transferkit.envs.evidence import SAMPLES, Evidence, Samples
+from transferkit.spec import Element, Joint
+
+TOLERANCE = 2e-5
+"""Largest misfit of a form, relative to the element's spread (observations are float32)."""
+
+LARGEST_SUM = 5
+"""Angles in a sum that are searched for signs."""
+
+Dofs = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Forms:
+    """Names the elements of an observation by what they depend on and how."""
+
+    joints: Mapping[int, Joint]
+    """By degree of freedom."""
+    evidence: Evidence
+    samples: Samples
+    height_names: Callable[[int], str]
+    """Gives the name of a column of `samples.height`."""
+
+    def element(self, i: int, label: str) -> Element:
+        """Describe element `i`; `label` is its name if no form fits."""
+        positions, velocities = np.flatnonzero(self.evidence.positions[i]), np.flatnonzero(self.evidence.velocities[i])
+        y, form = self.samples.observation[:, i], None
+        if len(positions) and not len(velocities):
+            form = self._position_form(y, positions)
+        elif len(velocities) and not len(positions):
+            form = self._linear("velocity", y, velocities, self.samples.velocity)
+        if form is not None:
+            return form
+        names = tuple(self.joints[int(dof)].name for dof in sorted({*positions, *velocities}))
+        if self.evidence.controls[i] or (not names and self.evidence.motion[i]):
+            return Element(label, "force", names, (), 0.0, "")
+        if not names:
+            return Element(label, "constant", (), (), 0.0, "")
+        return Element(label, f"function of {'velocity' if len(velocities) else 'position'}", names, (), 0.0, "")
+
+    def _position_form(self, y: NDArray, dofs: Dofs) -> Element | None:
+        position, height = self.samples.position, _matching_column(y, self.samples.height)
+        form = self._linear("position", y, dofs, position)
+        if form is not None and not (height is not None and len(dofs) > 1):
+            return form
+        hinges_only = all(self.joints[int(dof)].type == "hinge" for dof in dofs)
+        if hinges_only and len(dofs) <= LARGEST_SUM and np.isfinite(position[:, dofs]).all():
+            for signs in itertools.product((1.0, -1.0), repeat=len(dofs) - 1):
+                coefficients = np.array((1.0, *signs))
+                form = self._trigonometric(y, dofs, coefficients, position[:, dofs] @ coefficients)
+                if form is not None:
+                    return form
+        if height is not None:
+            names = tuple(self.joints[int(dof)].name for dof in dofs)
+            return Element(f"{self.height_names(height)}.height", "height", names, (), 0.0, "m")
+        return None
+
+    def _linear(self, quantity: str, y: NDArray, dofs: Dofs, signal: NDArray) -> Element | None:
+        columns = signal[:, dofs]
+        if not np.isfinite(columns).all() or 2 * len(dofs) >= SAMPLES:
+            return None
+        fit = _least_squares(np.column_stack([columns, np.ones(SAMPLES)]), y)
+        if fit is None:
+            return None
+        unit = "m" if self.joints[int(dofs[0])].type == "slide" else "rad"
+        unit = unit if len({self.joints[int(dof)].type for dof in dofs}) == 1 else ""
+        suffix = "/s" if quantity == "velocity" and unit else ""
+        return self._named(quantity, dofs, fit[:-1], float(fit[-1]), unit + suffix)
+
+    def _trigonometric(self, y: NDArray, dofs: Dofs, coefficients: NDArray, angle: NDArray) -> Element | None:
+        fit = _least_squares(np.column_stack([np.sin(angle), np.cos(angle), np.ones(SAMPLES)]), y)
+        if fit is None or abs(fit[2]) > 1e-3 or abs(np.hypot(fit[0], fit[1]) - 1) > 1e-3:
+            return None
+        # a sin x + b cos x is sin(x + phase), and cos(x + phase - pi/2): take the one with no phase, or a half turn.
+        phase = float(np.arctan2(fit[1], fit[0]))
+        if abs(np.sin(phase)) < 1e-3:
+            return self._named("sin", dofs, coefficients * np.sign(fit[0]), 0.0, "")
+        offset = (phase - np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
+        return self._named("cos", dofs, coefficients, 0.0 if abs(offset) < 1e-3 else offset, "")
+
+    def _named(self, quantity: str, dofs: Dofs, coefficients: NDArray, offset: float, unit: str) -> Element:
+        names = tuple(self.joints[int(dof)].name for dof in dofs)
+        rounded = tuple(round(float(c), 4) for c in coefficients)
+        return Element(f"{'+'.join(names)}.{quantity}", quantity, names, rounded, round(offset, 4) + 0.0, unit)
+
+
+def height_name(model: mujoco.MjModel, column: int) -> str:
+    """Name what a column of `Samples.height` is the height of."""
+    for count, name_of in (
+        (model.nbody, lambda k: model.body(k).name),
+        (model.nbody, lambda k: f"{model.body(k).name}.centre_of_mass"),
+        (model.ngeom, lambda k: model.geom(k).name or model.body(int(model.geom_bodyid[k])).name),
+        (model.nsite, lambda k: model.site(k).name),
+        (model.nbody, lambda k: f"{model.body(k).name}.subtree"),
+    ):
+        if column < count:
+            return name_of(column)
+        column -= count
+    raise AssertionError
+
+
+def _least_squares(design: NDArray, y: NDArray) -> NDArray | None:
+    solution = np.linalg.lstsq(design, y, rcond=None)[0]
+    misfit = np.abs(design @ solution - y).max()
+    return solution if misfit <= TOLERANCE * max(1.0, float(np.ptp(y))) else None
+
+
+def _matching_column(y: NDArray, columns: NDArray) -> int | None:
+    misfit = np.abs(columns - y[:, None]).max(axis=0)
+    best = int(np.argmin(misfit))
+    return best if misfit[best] <= TOLERANCE * max(1.0, float(np.ptp(y))) else None

@@ -1,0 +1,87 @@
+"""Episodes under a deterministic policy: the one loop behind evaluation, health checks, recordings and studies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, Protocol
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from transferkit.envs.make import NO_LIMIT
+
+
+class Actor(Protocol):
+    """Anything that maps observations `(B, obs_dim)` to deterministic actions `(B, act_dim)`."""
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Choose the actions."""
+        ...
+
+
+class Transition(NamedTuple):
+    """One step of one episode."""
+
+    episode: int
+    step: int
+    observation: NDArray[np.float32]
+    """What the action was chosen from, `(obs_dim,)`."""
+    action: NDArray[np.float32]
+    """`(act_dim,)`."""
+    reward: float
+    next_observation: NDArray[np.float32]
+    """`(obs_dim,)`, the true one at the end of an episode."""
+    terminated: bool
+    truncated: bool
+    info: dict[str, Any]
+
+    @property
+    def done(self) -> bool:
+        """Whether the episode ended, either way."""
+        return self.terminated or self.truncated
+
+
+def rollout(
+    actor: Actor,
+    envs: Sequence[gymnasium.Env],
+    seed_of: Callable[[int], int],
+    *,
+    episodes: float = np.inf,
+    on_reset: Callable[[int], None] | None = None,
+) -> Iterator[Transition]:
+    """Play episodes side by side in `envs`, and yield every step, before the environment is reset.
+
+    Args:
+        actor: has `act`; it is asked once for all running episodes.
+        envs: environments under `make_env`'s contract, no more than episodes.
+        seed_of: gives the seed that an episode starts from, asked when it starts.
+        episodes: how many; without a limit the caller stops.
+        on_reset: called with the number of an episode when it has started.
+    """
+    observations: dict[int, NDArray[np.float32]] = {}
+    steps: dict[int, int] = {}
+    playing: dict[int, gymnasium.Env] = {}
+
+    def start(episode: int, env: gymnasium.Env) -> None:
+        observations[episode], steps[episode], playing[episode] = env.reset(seed=seed_of(episode))[0], 0, env
+        if on_reset is not None:
+            on_reset(episode)
+
+    for episode, env in enumerate(envs):
+        start(episode, env)
+    upcoming = len(envs)
+    while playing:
+        actions = actor.act(np.stack([observations[episode] for episode in playing]))
+        for (episode, env), action in zip(list(playing.items()), actions, strict=True):
+            observation, step = observations[episode], steps[episode]
+            following, reward, terminated, truncated, info = env.step(action)
+            observations[episode], steps[episode] = following, step + 1
+            truncated = bool(truncated) or step + 1 >= NO_LIMIT
+            taken = Transition(episode, step, observation, action, float(reward), following, bool(terminated), truncated, info)
+            yield taken
+            if taken.done:
+                del playing[episode], observations[episode], steps[episode]
+                if upcoming < episodes:
+                    start(upcoming, env)
+                    upcoming += 1

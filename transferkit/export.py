@@ -1,0 +1,114 @@
+"""Export trained policies as ONNX files."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import logging
+from pathlib import Path
+from types import ModuleType
+
+import torch
+from torch import Tensor, nn
+
+from transferkit.envs import derive_spec
+from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.policy import Policy, play
+from transferkit.record import Names, Subject
+from transferkit.spec import IOSpec
+from transferkit.versions import versions
+
+PARITY_ROWS = 1000
+"""Random observations on which an exported file is compared with torch."""
+
+
+class Deployed(nn.Module):
+    """Raw observations `(B, obs_dim)` to controls `(B, act_dim)` in the actuators' own units."""
+
+    centre: Tensor
+    half_range: Tensor
+
+    def __init__(self, policy: Policy, low: Tensor, high: Tensor) -> None:
+        super().__init__()
+        self.policy = policy
+        self.register_buffer("centre", (low + high) / 2)
+        self.register_buffer("half_range", (high - low) / 2)
+
+    def forward(self, observation: Tensor) -> Tensor:
+        """Compute the deterministic action, clipped and scaled."""
+        return self.centre + self.half_range * self.policy(observation)[0].clamp(-1.0, 1.0)
+
+
+def export_onnx(subject: Subject, path: Path) -> float:
+    """Write normaliser, adapters, core and scaling as one ONNX file, with the names of its inputs and outputs.
+
+    Returns the largest difference to torch over 1,000 random observations.
+
+    Raises:
+        ConfigError: the file exists, or ONNX is not installed.
+        RunDirectoryError: the exported file does not act as the policy does.
+    """
+    if path.exists():
+        raise ConfigError(f"{path} exists", remedy="choose another {out}")
+    onnx, runtime, _ = (_module(name) for name in ("onnx", "onnxruntime", "onnxscript"))  # torch exports through the last
+    spec = derive_spec(subject.env)
+    low, high = (torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high"))
+    deployed = Deployed(subject.policy, low, high).eval()
+    observation = _random_observations(subject.env)
+    model = _program(deployed, observation[:2]).model_proto
+    onnx.helper.set_model_props(model, _properties(subject, spec, low, high))
+    data = model.SerializeToString()
+    session = runtime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    with torch.no_grad():
+        expected = deployed(observation)
+    answer = torch.from_numpy(session.run(["action"], {"observation": observation.numpy()})[0])
+    difference = float((answer - expected).abs().max())
+    if not difference <= 1e-3 * float(deployed.half_range.max()):
+        raise RunDirectoryError(
+            f"the exported policy differs from torch by {difference:.2g}, so nothing is written", remedy="report it"
+        )
+    path.write_bytes(data)
+    return difference
+
+
+def _program(deployed: Deployed, observation: Tensor) -> torch.onnx.ONNXProgram:
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns that torchvision is not there
+    program = torch.onnx.export(
+        deployed,
+        (observation,),
+        dynamo=True,
+        external_data=False,
+        verbose=False,
+        input_names=["observation"],
+        output_names=["action"],
+        dynamic_shapes=({0: torch.export.Dim("batch")},),
+    )
+    assert program is not None
+    return program
+
+
+def _properties(subject: Subject, spec: IOSpec, low: Tensor, high: Tensor) -> dict[str, str]:
+    names = Names.of(spec)
+    return {
+        "env": spec.env_id,
+        "observation_names": json.dumps(names.observation),
+        "action_names": json.dumps(names.action),
+        "action_low": json.dumps(low.tolist()),
+        "action_high": json.dumps(high.tolist()),
+        "time_step": json.dumps(spec.time_step),
+        "versions": json.dumps(versions()),
+        "source": json.dumps(subject.about),
+    }
+
+
+def _module(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise ConfigError(f"export needs {name}, which is not installed", remedy="pip install 'transferkit[onnx]'") from None
+
+
+def _random_observations(env_id: str) -> Tensor:
+    """Observations of random play, and their multiples."""
+    seen = torch.from_numpy(play(env_id, PARITY_ROWS, 0))
+    return seen * torch.linspace(0.1, 3.0, len(seen)).unsqueeze(-1)

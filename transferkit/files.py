@@ -1,0 +1,62 @@
+"""Atomic file writes, and JSON files."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from transferkit.errors import RunDirectoryError
+
+
+def write_atomically(path: Path, data: bytes) -> None:
+    """Replace `path` in one step: temporary file, fsync, rename.
+
+    Raises:
+        RunDirectoryError: the disk is full or the path is not writable; what was at `path` before is still there.
+    """
+    temporary = path.with_name(path.name + ".tmp")
+    with writing(path):
+        try:
+            with temporary.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(path)
+        except OSError:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+@contextlib.contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Turn an `OSError` while `path` is written into one line that says what to do."""
+    try:
+        yield
+    except OSError as error:
+        raise RunDirectoryError(
+            f"cannot write {path}: {error.strerror}; what was written before is intact",
+            remedy="mend the disk, then go on with {resume=True}",
+        ) from error
+
+
+def write_json(path: Path, data: object) -> None:
+    """Write strict JSON (no NaN), indented."""
+    write_atomically(path, (json.dumps(data, indent=2, allow_nan=False) + "\n").encode())
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON file of a run.
+
+    Raises:
+        RunDirectoryError: it is missing or damaged.
+    """
+    try:
+        return json.loads(path.read_text())
+    except OSError:
+        raise RunDirectoryError(f"{path.parent} holds no {path.name}", remedy="name the directory of a training run") from None
+    except ValueError as error:
+        raise RunDirectoryError(f"{path} is damaged ({error})", remedy="train again into another {out}") from None

@@ -1,0 +1,152 @@
+"""Plots of runs: learning curves, errors of a learnt model, traces of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+
+from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
+from transferkit.files import read_json
+from transferkit.record import read, spec_of
+from transferkit.run import RECORD, EpisodeRow, EvaluationRow, ModelRow, read_table
+
+mpl.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+WINDOW = 20
+"""Episodes of the running mean."""
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
+"""Okabe and Ito's colour-blind safe palette."""
+
+TRACES = ("observation", "core_input", "core_output", "action")
+MOST_TRACES = 12
+"""Lines in one panel."""
+
+MODEL_PANELS: Mapping[str, Mapping[str, str]] = {
+    "observation error / deviation": {"error_1": "1 step", "error_5": "5 steps", "error_20": "20 steps"},
+    "in units of the targets": {"disagreement": "members' disagreement", "reward_error": "reward error"},
+    "share": {"termination_accuracy": "right about the end", "terminations_found": "ends foreseen"},
+}
+
+
+def draw_learning_curves(runs: Mapping[str, Path], title: str, path: Path, *, zero_action: float | None = None) -> None:
+    """Draw training returns of runs by label, over episodes and over environment steps: each episode, and a running mean."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
+    for (label, run), colour in zip(runs.items(), COLOURS, strict=False):
+        _draw_returns(axes, run, label, colour)
+    for axis in axes:
+        if zero_action is not None:
+            axis.axhline(zero_action, color="grey", linestyle=":")
+    axes[0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
+    axes[0].set_title(title)
+    axes[1].set_title("" if zero_action is None else "dotted: zero action")
+    axes[0].legend()
+    _save(figure, path)
+
+
+def draw_run(run: Path, path: Path) -> None:
+    """Draw a run's learning curve with its evaluations, and below it its model's errors if it has a model.
+
+    Raises:
+        RunDirectoryError: there is no run, or no finished episode yet.
+    """
+    record = read_json(run / RECORD)["config"]
+    if not read_table(run, EpisodeRow):
+        raise RunDirectoryError(f"{run} has no finished episode yet", remedy="train longer, then plot")
+    model = read_table(run, ModelRow) if (run / f"{ModelRow.table}.csv").exists() else []
+    rows = 2 if model else 1
+    figure, axes = plt.subplots(rows, 3 if model else 2, figsize=(12, 4 * rows), layout="constrained", squeeze=False)
+    _draw_returns(axes[0], run, "training", COLOURS[0])
+    _draw_evaluations(axes[0][:2], read_table(run, EvaluationRow))
+    figure.suptitle(f"{record['env']}, {record['algo']}, {record['core'] or 'scratch'}, seed {record['seed']}")
+    axes[0][0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
+    axes[0][0].legend()
+    if model:
+        axes[0][2].set_axis_off()
+        _draw_model(axes[1], model)
+    _save(figure, path)
+
+
+def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
+    """Draw an episode of a recording: observation, what the core sees and makes of it, action, reward.
+
+    Raises:
+        RecordingError: not a recording of ours, or no such episode in it.
+    """
+    contents = read(recording)
+    spec = spec_of(contents, recording)
+    steps = [step for step in contents.steps if step["episode"] == episode]
+    if not steps:
+        raise RecordingError(f"{recording} has no step of episode {episode}", remedy="use {episode=0}")
+    panels = [name for name in TRACES if steps[0].get(name)]
+    figure, axes = plt.subplots(len(panels) + 1, 1, figsize=(11, 2.4 * len(panels) + 2.4), sharex=True, layout="constrained")
+    seconds = np.arange(len(steps)) * (spec.time_step or 1.0)
+    for axis, name in zip(axes, panels, strict=False):
+        _draw_traces(axis, seconds, name, [step[name] for step in steps])
+    axes[-1].plot(seconds, [step["reward"] for step in steps], color=COLOURS[0], label="reward")
+    if "value" in steps[0]:
+        axes[-1].plot(seconds, [step["value"] for step in steps], "--", color=COLOURS[1], label="value, in the critic's scale")
+    axes[-1].legend(loc="upper left", fontsize="x-small")
+    axes[-1].set_xlabel("simulated seconds" if spec.time_step else "steps")
+    figure.suptitle(f"{spec.env_id}, episode {episode}: return {steps[-1]['return']:.1f}")
+    _save(figure, path)
+
+
+def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Sequence[Mapping[str, float]]) -> None:
+    for k, element in enumerate(list(rows[0])[:MOST_TRACES]):
+        style = ("-", "--", ":")[k // len(COLOURS)]
+        axis.plot(seconds, [row[element] for row in rows], style, color=COLOURS[k % len(COLOURS)], label=element, linewidth=1)
+    more = f", first {MOST_TRACES} of {len(rows[0])}" if len(rows[0]) > MOST_TRACES else ""
+    axis.set_ylabel(f"{name.replace('_', ' ')}{more}")
+    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="x-small")
+
+
+def _save(figure: Figure, path: Path) -> None:
+    kinds = figure.canvas.get_supported_filetypes()
+    if path.suffix[1:] not in kinds:
+        raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(sorted(kinds))}")
+    try:
+        figure.savefig(path, dpi=110)
+    except OSError as error:
+        raise ConfigError(f"cannot write {path}: {error.strerror}", remedy="choose an {out} in a folder that exists") from None
+    finally:
+        plt.close(figure)
+
+
+def _draw_returns(axes: Sequence[Axes], run: Path, label: str, colour: str) -> None:
+    rows = read_table(run, EpisodeRow)
+    returns = np.array([row["return"] for row in rows])
+    window = np.ones(min(WINDOW, len(returns)))
+    mean = np.convolve(returns, window) / np.convolve(np.ones(len(returns)), window)
+    for axis, x, name in zip(axes, ("episode", "steps"), ("training episodes", "environment steps"), strict=False):
+        xs = [row[x] for row in rows]
+        axis.plot(xs, returns, ".", color=colour, alpha=0.25, markersize=4)
+        axis.plot(xs, mean[: len(returns)], color=colour, label=label)
+        axis.set_xlabel(name)
+
+
+def _draw_evaluations(axes: Sequence[Axes], rows: Sequence[Mapping[str, float]]) -> None:
+    for axis, x in zip(axes, ("episodes", "steps"), strict=True):
+        means = np.array([row["return_mean"] for row in rows])
+        spread = np.abs(np.array([[row["return_low"], row["return_high"]] for row in rows]).reshape(-1, 2).T - means)
+        xs = [row[x] for row in rows]
+        axis.errorbar(xs, means, spread, fmt="s", color=COLOURS[1], markersize=4, label="evaluation, 95 % interval")
+
+
+def _draw_model(axes: Sequence[Axes], rows: Sequence[Mapping[str, float]]) -> None:
+    for axis, (title, columns) in zip(axes, MODEL_PANELS.items(), strict=True):
+        for (column, label), colour in zip(columns.items(), COLOURS, strict=False):
+            axis.plot([row["steps"] for row in rows], [row[column] for row in rows], ".-", color=colour, label=label)
+        axis.set_xlabel("environment steps")
+        axis.set_ylabel(title)
+        axis.legend()
+    axes[0].set_yscale("log")
+    axes[1].set_yscale("log")
+    axes[0].set_title("model, on transitions it has not seen")

@@ -1,0 +1,109 @@
+"""What can be recorded or exported: a finished run's policy, or a core."""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+from pathlib import Path
+
+from transferkit.config import TrainConfig
+from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
+from transferkit.evaluation import Evaluation, evaluate
+from transferkit.files import read_json
+from transferkit.nn import Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic, Value
+from transferkit.policy import Policy, load_policy, load_saved, make_critic, new_policy, wrap
+from transferkit.record import Subject
+from transferkit.run import POLICY, RECORD
+from transferkit.streams import Streams
+from transferkit.zoo.artifact import load_core
+
+
+def load_subject(name: str, *, env: str | None = None, member: int | None = None, values: bool = True) -> Subject:
+    """Load a finished run's policy, or a core: on its own source, or wrapped onto another environment without training.
+
+    Args:
+        name: a run directory, or a core's id or folder.
+        env: the environment to play in; by default the run's, or the core's source.
+        member: of a core; by default the first.
+        values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
+
+    Raises:
+        ConfigError: a run is asked for in another environment than its own, or with a member.
+        UnknownNameError: neither a run nor a core has this name.
+    """
+    if (Path(name) / RECORD).exists():
+        if member is not None:
+            raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
+        return _run_subject(Path(name), env, values=values)
+    member = member or 0
+    core = load_core(name)
+    home = core.spec.env_id
+    about = {"core": core.id, "core_digest": core.digest, "member": member}
+    if env is None or env == home:
+        value = core.critic(member).value if "critic" in core.ensembles else None
+        return Subject(core.policy(member), home, value, about=about)
+    return Subject(wrap(core, env, member=member), env, about=about)
+
+
+def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
+    """Evaluate the final policy of a run on its own environment."""
+    config = TrainConfig.from_json(read_json(Path(run_dir) / RECORD)["config"])
+    clip = config.env_config.clip_actions
+    return evaluate(load_policy(run_dir), config.env, episodes=episodes, seed=seed, clip_actions=clip)
+
+
+def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
+    """Load what a finished run's critics think of its policy's actions, in their scale.
+
+    None if it kept no critic, or wrapped one for a policy that it was given ready made.
+
+    Raises:
+        RunDirectoryError: a wrapped critic cannot be rebuilt, because its core is not what it was.
+    """
+    saved, record = load_saved(run_dir)["parts"], read_json(Path(run_dir) / RECORD)["config"]
+    config = TrainConfig.from_json(record)
+    if "value" in saved:
+        critic = StateCritic(policy.obs_dim, config.network.hidden, config.network.activation, normalizer=policy.normalizer)
+        critic.load_state_dict(saved["value"]["weights"])
+        return lambda observation, _: critic.value(observation).squeeze(-1)
+    if "critic" not in saved:
+        return None
+    if architecture := saved["critic"]["architecture"]:
+        critics = Critic(JointInput(policy.normalizer), Ensemble(EnsembleArchitecture.from_json(architecture)))
+    elif config.core is None:
+        return None
+    else:
+        critics = _wrapped_critic(config, record["core_digest"], policy, run_dir)
+    critics.load_state_dict(saved["critic"]["weights"])
+    return critics.value
+
+
+def _wrapped_critic(config: TrainConfig, digest: str, policy: Policy, run_dir: str | Path) -> Critic:
+    core = load_core(str(config.core))
+    if core.digest != digest:
+        raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with", remedy="restore it")
+    rebuilt = new_policy(config, core)
+    rebuilt.load_state_dict(policy.state_dict())
+    return make_critic(rebuilt, config.dyna, config.network.hidden, Streams(0).torch("critic"), wrapped=True)
+
+
+def _run_subject(run: Path, env: str | None, *, values: bool) -> Subject:
+    record = read_json(run / RECORD)["config"]
+    config = TrainConfig.from_json(record)
+    if env not in (None, config.env):
+        raise ConfigError(f"run {run} was trained in {config.env} and cannot play {env}", remedy="leave out {env}")
+    policy = load_policy(run)
+    digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
+    training = {name: getattr(config, name) for name in ("algo", "preset", "core", "member", "seed")}
+    training["core_digest"] = record["core_digest"]
+    about = {"run": str(run), "policy_sha256": digest, "training": training}
+    value = _value(run, policy) if values else None
+    return Subject(policy, config.env, value, config.env_config.clip_actions, about)
+
+
+def _value(run: Path, policy: Policy) -> Value | None:
+    try:
+        return load_value(run, policy)
+    except TransferkitError as error:
+        logging.getLogger("transferkit").warning("values are not recorded: %s", error)
+        return None

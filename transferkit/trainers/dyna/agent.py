@@ -1,0 +1,242 @@
+"""The networks of DYNA-DDPG, their optimisers, and one environment step's worth of learning."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from transferkit.config import DynaConfig, ModelConfig
+from transferkit.envs import Step
+from transferkit.nn import Critic, Dynamics, Part, PartAdam, flatten
+from transferkit.policy import Policy, learning_parts, thaw
+from transferkit.streams import Streams
+from transferkit.trainers.dyna.fit import fit
+from transferkit.trainers.dyna.imagine import imagine, novelty
+from transferkit.trainers.dyna.losses import actor_loss, critic_loss, td_target
+from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
+
+LONGEST_WARM_UP = 10
+"""Times `random_steps`."""
+
+NOISE_CLIP = 2.5
+"""Of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
+
+M = TypeVar("M", bound=nn.Module)
+
+
+class Agent:
+    """Actor, critics, model and replay buffer; `explore`, `observe` and `learn` are called once for each environment step."""
+
+    def __init__(
+        self,
+        policy: Policy,
+        critic: Critic,
+        model: Dynamics,
+        config: DynaConfig,
+        model_config: ModelConfig,
+        streams: Streams,
+        device: torch.device,
+        *,
+        discount: float,
+    ) -> None:
+        """Make buffer, optimisers and target networks; `discount` is per environment step."""
+        self.policy, self.critic, self.model, self.device = policy, critic, model, device
+        self.config, self.model_config, self.discount = config, model_config, discount
+        self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
+        groups = policy.parameter_groups()
+        self.actor_optimizer = PartAdam([Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
+        self.critic_optimizer = PartAdam(learning_parts(critic, policy), config.critic_learning_rate)
+        self.model_optimizer = PartAdam(learning_parts(model, policy), model_config.learning_rate)
+        self.target_policy, self.target_critic = self._copy(policy), self._copy(critic)
+        self._targets = [flatten(g.parameters) for g in self.target_policy.parameter_groups()]
+        self._targets += [flatten(part.parameters) for part in learning_parts(self.target_critic, policy)]
+        self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
+        self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
+        self.imagination = streams.torch("imagination", device)
+        self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
+        self._warming_up = config.random_steps > 0 and not policy.has_core
+        self._rewarded = False
+        self.losses: dict[str, Tensor] = {}
+        self.set_progress(0.0, 0.0)
+
+    @torch.no_grad()
+    def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Choose actions `(1, act_dim)`: noise alone at first, then the policy's with noise."""
+        noise = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
+        if self._warming_up:
+            return noise.clamp(-1.0, 1.0).cpu().numpy()
+        mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
+        return (mean + self.noise * noise).clamp(-1.0, 1.0).cpu().numpy()
+
+    def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
+        """Remember a step of the one environment."""
+        self.buffer.add_step(observation, action, step)
+        self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
+        # To the end of an episode, but not for ever if episodes do not end.
+        past = self.buffer.added / max(self.config.random_steps, 1)
+        if (step.done[0] and past >= 1) or past >= LONGEST_WARM_UP:
+            self._warming_up = False
+
+    def remember(self, prior: Batch) -> None:
+        """Start from transitions `(N, ...)` of elsewhere: without random steps, and with a model of them if it is needed."""
+        self.buffer.extend(prior)
+        self.policy.update_normalizer(prior.observation.to(self.device))
+        self._warming_up = False
+        if self.needs_model:
+            self._fit()
+
+    def learn(self) -> None:
+        """Do the updates that follow one environment step; none before the buffer holds a batch."""
+        config = self.config
+        if self.buffer.added < config.batch_size:
+            return
+        if self.buffer.added % self.model_config.every == 0 and self.needs_model:
+            self._fit()
+        batch = self.buffer.split(self._batches())
+        if self.fitted and self.unrewarded:  # learn from what is new
+            batch = batch._replace(reward=novelty(self.model, batch))
+        targets = td_target(
+            self.target_policy,
+            self.target_critic,
+            batch,
+            self._target_noise(batch),
+            reward_scale=config.reward_scale,
+            discount=self.discount,
+        )
+        for k in range(config.updates_per_step):
+            self._update_critic(batch.observation[k], batch.action[k], targets[k])
+            if (self.buffer.added * config.updates_per_step + k) % config.actor_every == 0:
+                self._update_actor(batch.observation[k])
+        with torch.no_grad():
+            torch._foreach_lerp_(self._targets, self._online, config.tau)
+
+    @property
+    def fitted(self) -> bool:
+        """Whether the model has been trained at all."""
+        return "model" in self.losses
+
+    @property
+    def needs_model(self) -> bool:
+        """Whether the model is fitted further: to imagine with, for a core to keep, or to tell what is new."""
+        return self.config.model_share > 0 or self.config.keep_model or self.unrewarded
+
+    @property
+    def unrewarded(self) -> bool:
+        """Whether neither rewards nor terminations have ever said what is good."""
+        if not self._rewarded:
+            seen = self.buffer.all()
+            different = (seen.reward != seen.reward.median()).sum()
+            self._rewarded = bool(seen.terminated.any() | (different >= self.config.curious_until))
+        return not self._rewarded
+
+    @property
+    def largest_return(self) -> float:
+        """The largest possible discounted sum of rewards, in the critic's scale; at least that of novelty, which is below 1."""
+        seen, config = self.buffer.all(), self.config
+        largest = float(seen.reward.abs().max())
+        if config.model_share and config.planned_reward == "minus-norm":
+            largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
+        return config.reward_scale * max(1.0, largest) / (1 - self.discount)
+
+    def set_progress(self, progress: float, step_progress: float) -> None:
+        """Freeze, unfreeze and calm down for a run that has used these shares of its budget and of its steps."""
+        self._progress, config = progress, self.config
+        self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
+        self.policy.at_progress(progress)
+        for part in (self.critic, self.model):
+            thaw(part, self.policy, progress)
+        factor = min(1.0, 2 * (1 - step_progress)) if config.schedule == "linear" else 1.0
+        rates = config.actor_learning_rate, config.critic_learning_rate
+        for optimizer, rate in zip((self.actor_optimizer, self.critic_optimizer), rates, strict=True):
+            for group in optimizer.param_groups:
+                group["lr"] = rate * factor
+
+    def metrics(self) -> dict[str, float]:
+        """Return the latest losses."""
+        return {name: float(loss) for name, loss in self.losses.items()}
+
+    def state(self) -> dict[str, Any]:
+        """Return everything that the next step depends on."""
+        return {
+            "modules": {name: module.state_dict() for name, module in self._modules().items()},
+            "optimizers": [optimizer.state_dict() for optimizer in self._optimizers()],
+            "generators": [generator.get_state() for generator in self._generators()],
+            "buffer": self.buffer.state(),
+            "warming_up": self._warming_up,
+            "losses": self.losses,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take what `state` returned."""
+        for name, module in self._modules().items():
+            module.load_state_dict(state["modules"][name])
+        for optimizer, saved in zip(self._optimizers(), state["optimizers"], strict=True):
+            optimizer.load_state_dict(saved)
+        for generator, saved in zip(self._generators(), state["generators"], strict=True):
+            generator.set_state(saved)
+        self.buffer.restore(state["buffer"])
+        self._warming_up = state["warming_up"]
+        self.losses = dict(state["losses"])
+
+    def _fit(self) -> None:
+        loss = fit(self.model, self.model_optimizer, self.buffer, self.model_config, self.imagination)
+        self.losses["model"] = torch.tensor(loss)
+
+    def _batches(self) -> Tensor:
+        """Draw rows `(updates_per_step, batch_size, width)`, the model's share of them imagined."""
+        config = self.config
+        count, size = config.updates_per_step, config.batch_size
+        imagined = round(config.model_share * count * size) if self.fitted else 0
+        if not imagined:
+            return self.buffer.sample((count, size), self.batches)
+        rows = imagine(imagined, self.policy, self.model, self.buffer, config, self.imagination, noise=self.noise)
+        mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches), rows))
+        if config.mix_batches:
+            mixed = mixed[torch.randperm(count * size, generator=self.batches, device=self.device)]
+        return mixed.view(count, size, -1)
+
+    def _target_noise(self, batch: Batch) -> Tensor:
+        noise = torch.randn(batch.action.shape, generator=self.batches, device=self.device)
+        return self.noise * noise.clamp_(-NOISE_CLIP, NOISE_CLIP)
+
+    def _update_critic(self, observation: Tensor, action: Tensor, target: Tensor) -> None:
+        loss = critic_loss(self.critic, observation, action, target)
+        self.critic_optimizer.zero_grad()
+        loss.backward()
+        self.critic_optimizer.step()
+        self.losses["critic"], self.losses["value"] = loss.detach(), target.mean()
+
+    def _update_actor(self, observation: Tensor) -> None:
+        self.critic.requires_grad_(requires_grad=False)  # its own gradients would cost a third of the backward pass
+        weight = self.config.anchor * (1.0 - self._progress)
+        loss = actor_loss(self.policy, self.critic, observation, self.first_policy, weight)
+        if loss.requires_grad:  # not while every part that shapes the action is frozen
+            self.actor_optimizer.zero_grad()
+            loss.backward()
+            self.actor_optimizer.step()
+        thaw(self.critic, self.policy, self._progress)
+        self.losses["actor"] = loss.detach()
+
+    def _modules(self) -> dict[str, nn.Module]:
+        names = ("policy", "critic", "model", "target_policy", "target_critic")
+        modules: dict[str, nn.Module] = {name: getattr(self, name) for name in names}
+        if self.first_policy is not None:
+            modules["first_policy"] = self.first_policy
+        return modules
+
+    def _optimizers(self) -> tuple[PartAdam, ...]:
+        return self.actor_optimizer, self.critic_optimizer, self.model_optimizer
+
+    def _generators(self) -> tuple[torch.Generator, ...]:
+        return self.exploration, self.batches, self.imagination
+
+    def _copy(self, module: M) -> M:
+        """Make a target network; it shares the normaliser, whose statistics are not learnt."""
+        normalizer = self.policy.normalizer
+        return copy.deepcopy(module, {} if normalizer is None else {id(normalizer): normalizer})

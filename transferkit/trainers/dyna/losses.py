@@ -1,0 +1,83 @@
+"""Losses of DYNA-DDPG, pure functions of (networks, batch)."""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from transferkit.nn import Critic, Dynamics
+from transferkit.policy import Policy
+from transferkit.trainers.dyna.replay import Batch
+
+
+@torch.no_grad()
+def td_target(
+    policy: Policy, critic: Critic, batch: Batch, noise: Tensor | None, *, reward_scale: float, discount: float
+) -> Tensor:
+    """Add the scaled reward and the discounted least value of the members at the policy's next action, both of target networks.
+
+    The result has the batch's own leading axes.
+
+    Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
+    equations 10 and 14. Only terminations cut the bootstrap; time-outs do not.
+    """
+    observation = batch.next_observation.flatten(0, -2)
+    action = policy(observation)[0]
+    if noise is not None:
+        action = action + noise.view_as(action)
+    value = critic(observation, action.clamp(-1.0, 1.0)).amin(0).view_as(batch.reward)
+    return reward_scale * batch.reward + discount * (1.0 - batch.terminated) * value
+
+
+def critic_loss(critic: Critic, observation: Tensor, action: Tensor, target: Tensor) -> Tensor:
+    """Sum the squared TD error over members (Lillicrap et al. 2016, equation 4)."""
+    return (critic(observation, action) - target).square().mean(-1).sum()
+
+
+def actor_loss(policy: Policy, critic: Critic, observation: Tensor, first: Policy | None = None, weight: float = 0.0) -> Tensor:
+    """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value.
+
+    With the policy as it was at `first`: in units of the mean absolute value, plus the weighted squared distance to what that
+    one did (Fujimoto & Gu 2021, equation 3).
+    """
+    mean = policy(observation)[0]
+    value = critic(observation, mean if policy.squash else bounded(mean))
+    if first is None or not weight:
+        return -value.mean()
+    with torch.no_grad():
+        target, scale = first(observation)[0].clamp(-1.0, 1.0), value.abs().mean()
+    return -value.mean() / scale + weight * (mean - target).square().mean()
+
+
+def bounded(action: Tensor) -> Tensor:
+    """Clip actions to [-1, 1], with inverted gradients (Hausknecht & Stone 2016, equation 11).
+
+    A gradient step shrinks with the room that is left in its direction, and turns round beyond the bounds. Behind a tanh, which
+    saturates, an actor that was once driven to a bound stays there.
+    """
+    value = action.detach()
+    through = action + (value.clamp(-1.0, 1.0) - value)
+    if through.requires_grad:
+        # A descent step raises the action if its gradient is negative.
+        through.register_hook(lambda grad: grad * torch.where(grad < 0, 1.0 - value, 1.0 + value) / 2.0)
+    return through
+
+
+def dynamics_loss(model: Dynamics, batch: Batch) -> Tensor:
+    """Gaussian negative log-likelihood (Chua et al. 2018, equation 1) and cross-entropy of termination.
+
+    The batch has its own rows for each member, `(E, B, ...)`; the loss is summed over members.
+    """
+    mean, log_var, logit = model(batch.observation, batch.action)
+    targets = model.targets(batch.observation, batch.reward, batch.next_observation)
+    likelihood = ((mean - targets).square() * torch.exp(-log_var) + log_var).mean((-1, -2)).sum()
+    termination = functional.binary_cross_entropy_with_logits(logit, batch.terminated, reduction="none").mean(-1).sum()
+    return 0.5 * likelihood + termination
+
+
+def squared_error_loss(model: Dynamics, batch: Batch) -> Tensor:
+    """Mean squared error of the next observation alone: the paper's model."""
+    mean, _, _ = model(batch.observation, batch.action)
+    targets = model.targets(batch.observation, batch.reward, batch.next_observation)
+    return (mean - targets)[..., :-1].square().mean()

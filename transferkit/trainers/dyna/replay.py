@@ -1,0 +1,107 @@
+"""Experience replay, one row a transition, so that a step's batches are one gather."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from transferkit.envs import Step
+
+FIRST_CAPACITY = 1024
+"""Rows allocated at first; doubled when they are full."""
+
+
+class Batch(NamedTuple):
+    """Transitions; the leading axes are free."""
+
+    observation: Tensor
+    """`(..., obs_dim)`."""
+    action: Tensor
+    """`(..., act_dim)`."""
+    reward: Tensor
+    """`(...)`."""
+    next_observation: Tensor
+    """`(..., obs_dim)`, the true one if an episode ended."""
+    terminated: Tensor
+    """`(...)`, 1.0 if nothing follows; a time-out is 0.0."""
+
+    def rows(self) -> Tensor:
+        """Join the fields in their order, `(..., width)`."""
+        return torch.cat(
+            (self.observation, self.action, self.reward.unsqueeze(-1), self.next_observation, self.terminated.unsqueeze(-1)), -1
+        )
+
+
+class ReplayBuffer:
+    """The last `capacity` transitions, oldest overwritten first."""
+
+    def __init__(self, obs_dim: int, act_dim: int, capacity: int, device: torch.device | str = "cpu") -> None:
+        self.obs_dim, self.act_dim, self.capacity = obs_dim, act_dim, capacity
+        self.added = 0
+        self._rows = torch.zeros(min(FIRST_CAPACITY, capacity), 2 * obs_dim + act_dim + 2, device=device)
+
+    def __len__(self) -> int:
+        return min(self.added, self.capacity)
+
+    def add(self, batch: Batch) -> None:
+        """Add one transition, without leading axes."""
+        at = self.added % self.capacity
+        if at >= len(self._rows):
+            self._grow()
+        self._rows[at] = batch.rows()
+        self.added += 1
+
+    def extend(self, batch: Batch) -> None:
+        """Add transitions `(N, ...)` in their order; the newest if they are more than fit."""
+        rows = batch.rows()[-self.capacity :].to(self._rows.device)
+        while len(self._rows) < min(self.added + len(rows), self.capacity):
+            self._grow()
+        at = torch.arange(self.added, self.added + len(rows), device=self._rows.device) % self.capacity
+        self._rows[at] = rows
+        self.added += len(rows)
+
+    def _grow(self) -> None:
+        grown = self._rows.new_zeros(min(2 * len(self._rows), self.capacity), self._rows.shape[1])
+        grown[: len(self._rows)] = self._rows
+        self._rows = grown
+
+    def add_step(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
+        """Add a step of a single environment, all with a leading axis of one."""
+        fields = observation, action, step.reward, step.final_observation, step.terminated.astype(np.float32)
+        self.add(Batch(*(torch.from_numpy(field)[0].to(self._rows.device) for field in fields)))
+
+    def sample(self, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
+        """Draw rows `(*shape, width)` with replacement."""
+        return self._rows[torch.randint(len(self), shape, generator=generator, device=self._rows.device)]
+
+    def recent(self, n: int) -> Batch:
+        """Return the last `n` transitions in the order of time, `(n, ...)`."""
+        index = torch.arange(self.added - min(n, len(self)), self.added, device=self._rows.device) % self.capacity
+        return self.split(self._rows[index])
+
+    def all(self) -> Batch:
+        """Return every transition, in the order of storage."""
+        return self.split(self._rows[: len(self)])
+
+    def split(self, rows: Tensor) -> Batch:
+        """Split rows `(..., width)` into a batch of views."""
+        observation, action, reward, following, terminated = rows.split((self.obs_dim, self.act_dim, 1, self.obs_dim, 1), -1)
+        return Batch(observation, action, reward.squeeze(-1), following, terminated.squeeze(-1))
+
+    def state(self) -> dict[str, Any]:
+        """Return the rows and how many were ever added."""
+        return {"added": self.added, "rows": self._rows[: len(self)]}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Take what `state` returned."""
+        self.added = state["added"]
+        n, allocated = len(state["rows"]), len(self._rows)
+        while allocated < n:
+            allocated = min(2 * allocated, self.capacity)
+        rows = self._rows.new_zeros(allocated, self._rows.shape[1])
+        rows[:n] = state["rows"]
+        self._rows = rows

@@ -1,0 +1,90 @@
+"""DYNA-DDPG as a trainer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import nn
+
+from transferkit.config import TrainConfig
+from transferkit.envs import VectorEnv
+from transferkit.errors import DivergedError
+from transferkit.policy import Policy, make_critic, make_dynamics
+from transferkit.run import Session
+from transferkit.spec import IOSpec
+from transferkit.streams import Streams
+from transferkit.trainers.dyna.agent import Agent
+from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
+from transferkit.trainers.dyna.replay import Batch
+from transferkit.trainers.loop import Metrics, Observation
+
+EXCESS = 10.0
+"""A value this many times the largest possible return has diverged."""
+
+LOG_EVERY = 100
+"""Environment steps between looks at losses, signals and the clock of checkpoints."""
+
+
+class DynaTrainer:
+    """Advances by one environment step and the updates that follow it."""
+
+    num_envs = 1
+
+    def __init__(
+        self,
+        policy: Policy,
+        spec: IOSpec,
+        config: TrainConfig,
+        streams: Streams,
+        device: torch.device,
+        prior: Batch | None = None,
+    ) -> None:
+        """Make critics, model and agent; `prior` are transitions `(N, ...)` of elsewhere, learnt from like the run's own."""
+        dyna, hidden = config.dyna, config.network.hidden
+        self.overrun_steps = dyna.overrun_steps
+        model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
+        critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
+        discount = dyna.discount(spec.time_step)
+        networks = policy.to(device), critic.to(device), model.to(device)
+        self.agent = Agent(*networks, dyna, config.model, streams, device, discount=discount)
+        if prior is not None:
+            self.agent.remember(prior)
+
+    def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
+        """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""
+        agent = self.agent
+        if session.spent.steps % LOG_EVERY == 0:
+            agent.set_progress(session.progress, session.step_progress)
+        step = envs.step(action := agent.explore(observation), session.count)
+        agent.observe(observation, action, step)
+        if session.spent.steps % EVERY == 0 and agent.fitted and agent.needs_model:
+            session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
+        agent.learn()
+        if session.spent.steps % LOG_EVERY:
+            return step.observation, None
+        self._check_values(session)
+        return step.observation, agent.metrics()
+
+    def state(self) -> dict[str, Any]:
+        """Return everything that the next step depends on."""
+        return self.agent.state()
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Take what `state` returned."""
+        self.agent.restore(state)
+
+    def trained(self) -> dict[str, nn.Module]:
+        """Return the critics, and the model if it was fitted."""
+        agent = self.agent
+        return {"critic": agent.critic, **({"dynamics": agent.model} if agent.fitted else {})}
+
+    def _check_values(self, session: Session) -> None:
+        value = abs(self.agent.metrics().get("value", 0.0))
+        if value > EXCESS * self.agent.largest_return:
+            raise DivergedError(
+                f"the critic's mean value is {value:.3g} at environment step {session.spent.steps}, over {EXCESS:g} times what "
+                f"the rewards allow; the last good checkpoint in {session.directory.path} is kept",
+                remedy="train into another {out} with a lower {dyna.critic_learning_rate} or fewer {dyna.updates_per_step}",
+            )

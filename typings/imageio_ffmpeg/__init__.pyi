@@ -1,0 +1,5 @@
+"""What a type checker needs to know of imageio_ffmpeg, which has no types."""
+
+from typing import Any
+
+def write_frames(path: str, size: tuple[int, int], *, fps: float, macro_block_size: int) -> Any: ...
