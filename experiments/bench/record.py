@@ -15,8 +15,7 @@ import torch
 from experiments.bench.timing import spread
 from transferkit.envs import derive_spec, make_env
 from transferkit.evaluation import evaluate
-from transferkit.record.play import Subject, record
-from transferkit.record.reader import read_transitions
+from transferkit.record import Subject, read_transitions, record_episodes
 from transferkit.spec import IOSpec
 from transferkit.subject import load_subject
 from transferkit.trainers.dyna import Batch, ReplayBuffer
@@ -51,7 +50,9 @@ def measure(subject: Subject, env: str, episodes: int, path: Path, rounds: int) 
     for _ in range(rounds):
         path.unlink(missing_ok=True)
         plain = per_step(lambda: sum(play(subject, env, episodes)))
-        costs.append(per_step(lambda: sum(episode.steps for episode in record(subject, path, episodes=episodes))) / plain)
+        costs.append(
+            per_step(lambda: sum(episode.steps for episode in record_episodes(subject, path, episodes=episodes))) / plain
+        )
         speeds.append(1 / per_step(lambda: fill(path, spec)))
     size = path.stat().st_size / fill(path, spec)
     print(

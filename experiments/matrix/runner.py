@@ -30,8 +30,8 @@ from transferkit.errors import ConfigError, InterruptedRunError, RunInUseError
 from transferkit.files import read_json, write_json
 from transferkit.policy import Policy, load_policy
 from transferkit.run.directory import RESULT
-from transferkit.workers import GRACE, import_beside, worker_pool
 from transferkit.training import run_training
+from transferkit.workers import GRACE, import_beside, worker_pool
 from transferkit.zoo.artifact import load_core
 
 PATIENCE = 2 * GRACE

@@ -34,7 +34,7 @@ ARMS = {
 
 
 def runs(study: Study, by: Sequence[str], columns: Mapping[str, str], against: Mapping[str, object] | None = None) -> Lines:
-    """A line for every combination of the columns `by`; `columns` maps headings to cells, `against` picks what `minus` means."""
+    """A line for every combination of the columns `by`; `columns` maps headings to cells, `against` picks the other runs."""
     lines = [[*by, *columns]]
     for key in _keys(study.rows, by):
         own = _select(study.rows, dict(zip(by, key, strict=True)))

@@ -13,18 +13,18 @@ LAST = "eval_episodes = 2"
 """The grid's last line, which wrong ones replace."""
 
 
-def trainer(text):
-    """A grid's last line, replaced by a trainer with these keys."""
-    return LAST, f"[[trainer]]\n{text}"
+def trainer(text, message):
+    """A grid whose last line is replaced by a trainer with these keys, and what is said of it."""
+    return LAST, f"[[trainer]]\n{text}", message
 
 
-def setting(text):
-    return trainer(f"set = {{ {text} }}")
+def setting(text, message):
+    return trainer(f"set = {{ {text} }}", message)
 
 
-def part(text):
-    """A grid's last line, replaced by two parts, the second with these keys."""
-    return LAST, f"[[part]]\n[[part]]\n{text}"
+def part(text, message):
+    """A grid whose last line is replaced by two parts, the second with these keys."""
+    return LAST, f"[[part]]\n[[part]]\n{text}", message
 
 
 WRONG = {
@@ -39,7 +39,7 @@ WRONG = {
     "seeds in other digits": ('"0-1"', '"0-²"', "seeds=.* must be a list of whole numbers"),
     "negative seed": ('seeds = "0-1"', "seeds = [-1]", "seeds=.* whole numbers from 0"),
     "too many seeds": ('"0-1"', '"0-99999999999"', "seeds=.* must be at most 10,000"),
-    "seed twice": part("seeds = [5, 5]") + ("part 2: seeds: 5 stands there more than once",),
+    "seed twice": part("seeds = [5, 5]", "part 2: seeds: 5 stands there more than once"),
     "seed twice in a list of parts": (LAST, 'part = [{ seeds = "0-1" }, { seeds = [5, 5] }]', "part 2: seeds: 5 stands"),
     "member": ("steps = 150", "steps = 150\nmembers = [9]", "member=9 must be 0 to 4 for core"),
     "no members": (LAST, "members = []", "members: the grid has none"),
@@ -49,30 +49,32 @@ WRONG = {
     "no part": (LAST, "part = []", "must be written as"),
     "a number as arm": ('"transfer"', "5", "arms=.* must be a list of names"),
     "a number as trainer": (LAST, "trainer = [1]", "trainer=.* must be a list of tables"),
-    "a number as set": trainer("set = 3") + ("trainer: set=3 must be a table",),
+    "a number as set": trainer("set = 3", "trainer: set=3 must be a table"),
     "a text as seconds": ("steps = 150", 'seconds = "a"', "seconds='a' must be a number"),
     "a fraction as steps": ("steps = 150", "steps = 1.5", "steps=1.5 must be a whole number"),
     "negative eval_every": (LAST, "eval_every = -1", "eval_every=-1 must be at least 0"),
     "no evaluation": (LAST, "eval_episodes = 0", "eval_episodes=0 must be at least 1"),
-    "setting": setting('"ppo.speed" = 1') + ("trainer: unknown setting 'ppo.speed'",),
-    "setting, nearly": setting('"ppo.learnin_rate" = 1') + ("did you mean ppo.learning_rate",),
-    "property as a setting": setting('"ppo.capacity" = 1') + ("unknown setting 'ppo.capacity'",),
-    "algo": trainer('algo = "sac"') + ("trainer: unknown trainer 'sac'",),
-    "preset of another trainer": trainer('algo = "dyna-ppo"\npreset = "paper"') + ("unknown preset of dyna-ppo 'paper'",),
-    "negative width": setting('"network.hidden" = [-1]') + ("network.hidden=.* must be",),
-    "half a width": setting('"network.hidden" = [64, 0.5]') + ("network.hidden=.* must be several, each a whole number",),
-    "discount": setting('"ppo.gamma" = 2.0') + ("ppo.gamma=2.0 must be at least 0 and at most 1",),
-    "discount as a list": setting('"ppo.gamma" = [0.9]') + ("ppo.gamma=.* must be a number",),
-    "no discount": setting('"ppo.gamma" = "none"') + ("ppo.gamma=None must be a number",),
-    "tau": setting('"dyna.tau" = 3') + ("dyna.tau=3 must be above 0 and at most 1",),
-    "tap": setting('"wrap.tap" = "feature"') + ("wrap.tap='feature' must be features or action; did you mean features",),
-    "freeze": setting('"wrap.freeze" = { core = "all" }') + ("wrap.freeze.core='all' must be at least 0 and at most 1",),
-    "two settings": part('trainer = [{ set = { "ppo.gamma" = 0.9 } }]') + ("runs of ppo on .* with 2 settings; .*own name",),
-    "two budgets": part("steps = 200\nseeds = [5]") + ("runs of ppo on InvertedDoublePendulum-v5 with 2 budgets",),
-    "two wrappings": part('seeds = [5]\ntrainer = [{ set = { "wrap.residual" = 0 } }]') + ("with 2 settings",),
-    "two evaluations": part("eval_episodes = 3\narms = ['zero-action']") + ("runs of zero-action .* one eval_episodes",),
-    "two names": trainer('[[trainer]]\nname = "two"') + ("trainer: 'ppo' and 'two' are the same runs; leave one out",),
-    "one name twice": trainer('[[trainer]]\nset = { "ppo.gamma" = 0.9 }') + ("'ppo' stands there more than once; give each a name",),
+    "setting": setting('"ppo.speed" = 1', "trainer: unknown setting 'ppo.speed'"),
+    "setting, nearly": setting('"ppo.learnin_rate" = 1', "did you mean ppo.learning_rate"),
+    "property as a setting": setting('"ppo.capacity" = 1', "unknown setting 'ppo.capacity'"),
+    "algo": trainer('algo = "sac"', "trainer: unknown trainer 'sac'"),
+    "preset of another trainer": trainer('algo = "dyna-ppo"\npreset = "paper"', "unknown preset of dyna-ppo 'paper'"),
+    "negative width": setting('"network.hidden" = [-1]', "network.hidden=.* must be"),
+    "half a width": setting('"network.hidden" = [64, 0.5]', "network.hidden=.* must be several, each a whole number"),
+    "discount": setting('"ppo.gamma" = 2.0', "ppo.gamma=2.0 must be at least 0 and at most 1"),
+    "discount as a list": setting('"ppo.gamma" = [0.9]', "ppo.gamma=.* must be a number"),
+    "no discount": setting('"ppo.gamma" = "none"', "ppo.gamma=None must be a number"),
+    "tau": setting('"dyna.tau" = 3', "dyna.tau=3 must be above 0 and at most 1"),
+    "tap": setting('"wrap.tap" = "feature"', "wrap.tap='feature' must be features or action; did you mean features"),
+    "freeze": setting('"wrap.freeze" = { core = "all" }', "wrap.freeze.core='all' must be at least 0 and at most 1"),
+    "two settings": part('trainer = [{ set = { "ppo.gamma" = 0.9 } }]', "runs of ppo on .* with 2 settings; .*own name"),
+    "two budgets": part("steps = 200\nseeds = [5]", "runs of ppo on InvertedDoublePendulum-v5 with 2 budgets"),
+    "two wrappings": part('seeds = [5]\ntrainer = [{ set = { "wrap.residual" = 0 } }]', "with 2 settings"),
+    "two evaluations": part("eval_episodes = 3\narms = ['zero-action']", "runs of zero-action .* one eval_episodes"),
+    "two names": trainer('[[trainer]]\nname = "two"', "trainer: 'ppo' and 'two' are the same runs; leave one out"),
+    "one name twice": trainer(
+        '[[trainer]]\nset = { "ppo.gamma" = 0.9 }', "'ppo' stands there more than once; give each a name"
+    ),
     "an adapter that finds nothing": (
         'Pendulum-v5"]\narms',
         'Pendulum-v5", "Reacher-v5"]\ntrainer = [{ set = { "wrap.adapter" = "semantic" } }]\narms',

@@ -1,11 +1,11 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
 from experiments.matrix.table import Row
 from experiments.study.cells import CELLS
 from experiments.study.kinds import cross, runs
-from experiments.study.rooms import Study
 
 
 def row(arm, trainer, seed, score, seconds=1.0, core=""):
@@ -18,12 +18,8 @@ B = [row("scratch", "b", seed, score) for seed, score in ((0, 0.0), (1, 1.0), (2
 IDLE = [replace(row("zero-action", "", 0, 5.0), algo="", preset="")]
 
 
-class MadeUp(Study):
-    rows = A + B + IDLE
-    curves = {one.id: [{"seconds": s, "return_mean": 10.0 * s} for s in (0.0, 1.0, 2.5, 8.0)] for one in A + B}
-
-
-STUDY = MadeUp(None)
+POINTS = [{"seconds": seconds, "return_mean": 10.0 * seconds} for seconds in (0.0, 1.0, 2.5, 8.0)]
+STUDY = SimpleNamespace(rows=A + B + IDLE, curves={one.id: POINTS for one in A + B})
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,10 @@ def test_the_command_checks_a_study_and_refuses_what_is_none(capsys):
     assert "no study 'core_dyn'; there are anchor" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("spec", ["kind = 'nothing'", "kind = 'runs'", "kind =", "kind = 'arms'\nover = 'target'\ncolumns = {a = 'b'}"])
+ARMS_OF_NOTHING = "kind = 'arms'\nover = 'target'\ncolumns = {a = 'b'}"
+
+
+@pytest.mark.parametrize("spec", ["kind = 'nothing'", "kind = 'runs'", "kind =", ARMS_OF_NOTHING])
 def test_a_table_that_cannot_be_made_is_named(tmp_path, spec):
     study = copy_of("ppo_baseline", tmp_path)
     study.readme.write_text(f"<!-- table\n{spec}\n-->\n<!-- end -->\n")
