@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from types import ModuleType
+from typing import Protocol
 
 import gymnasium
 import numpy as np
@@ -127,17 +128,24 @@ def products() -> Call:
     wide, big = rand(UPDATES * BATCH, w), rand(2, UPDATES * BATCH, w)
 
     def critic() -> None:
-        torch.bmm(inputs, first), torch.bmm(hidden, second)
-        torch.bmm(hidden.transpose(1, 2), grad), torch.bmm(grad, second.transpose(1, 2))
+        torch.bmm(inputs, first)
+        torch.bmm(hidden, second)
+        torch.bmm(hidden.transpose(1, 2), grad)
+        torch.bmm(grad, second.transpose(1, 2))
         torch.bmm(inputs.transpose(1, 2), grad)
 
     def actor() -> None:
-        torch.bmm(inputs, first), torch.bmm(hidden, second), torch.bmm(grad, second.transpose(1, 2))
+        torch.bmm(inputs, first)
+        torch.bmm(hidden, second)
+        torch.bmm(grad, second.transpose(1, 2))
         torch.bmm(grad, first.transpose(1, 2))
-        hidden[0] @ second[0], hidden[0].T @ grad[0], grad[0] @ second[0].T
+        torch.mm(hidden[0], second[0])
+        torch.mm(hidden[0].T, grad[0])
+        torch.mm(grad[0], second[0].T)
 
     def step() -> None:
-        wide @ second[0], torch.bmm(big, second)
+        torch.mm(wide, second[0])
+        torch.bmm(big, second)
         for k in range(UPDATES):
             critic()
             if k % 2 == 0:
@@ -170,7 +178,8 @@ def model_products() -> Call:
 
     def update() -> None:
         for k, (inputs, weights, grad) in enumerate(layers):
-            torch.bmm(inputs, weights), torch.bmm(inputs.transpose(1, 2), grad)
+            torch.bmm(inputs, weights)
+            torch.bmm(inputs.transpose(1, 2), grad)
             if k:  # nothing asks for the gradient of the first inputs
                 torch.bmm(grad, weights.transpose(1, 2))
 
@@ -183,7 +192,19 @@ def rollout() -> Call:
     return lambda: imagine(ROLLOUTS, ours.policy, ours.model, ours.buffer, ours.config, ours.imagination)
 
 
-def peer_network(mbrl: ModuleType, **options: object) -> nn.Module:
+class PeerNetwork(Protocol):
+    """mbrl-lib's ensemble."""
+
+    def parameters(self) -> Iterator[nn.Parameter]:
+        """Its weights."""
+        ...
+
+    def update(self, inputs: Tensor, optimizer: torch.optim.Optimizer, targets: Tensor) -> object:
+        """Take one step."""
+        ...
+
+
+def peer_network(mbrl: ModuleType, **options: object) -> PeerNetwork:
     """mbrl-lib's ensemble of the size of ours."""
     return mbrl.GaussianMLP(OBS + ACT, OBS + 1, "cpu", num_layers=2, ensemble_size=MODEL_MEMBERS, hid_size=WIDTH, **options)
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tempfile
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -54,13 +55,14 @@ def main(size: Size) -> None:
     torch.set_num_threads(1)
     steps = size.rollouts * ROLLOUT
     if size is FULL:
-        ours(steps), stable_baselines3(steps)  # warm up
+        ours(steps)  # to warm up
+        stable_baselines3(steps)
     pairs = [(ours(steps), stable_baselines3(steps)) for _ in range(size.rounds)]
     print(f"PPO on {ENV}, {NUM_ENVS} envs, {ROLLOUT} steps a rollout, {EPOCHS} epochs of {BATCH}, {HIDDEN}, one thread")
     print("  env steps per second, transferkit | stable-baselines3: " + ", ".join(f"{a:.0f} | {b:.0f}" for a, b in pairs))
     print(f"  ratio: {spread(a / b for a, b in pairs)} (must be 1.3)")
     for name, arguments in COMMANDS.items():
-        times = [seconds(lambda: start(*arguments)) for _ in range(size.starts)]  # noqa: B023 - called at once
+        times = [seconds(partial(start, *arguments)) for _ in range(size.starts)]
         print(f"  {name}: {statistics.median(times):.3f} s, {min(times):.3f} to {max(times):.3f}")
 
 

@@ -63,7 +63,9 @@ def measure(subject: Subject, env: str, episodes: int, path: Path, rounds: int) 
 
 def play(subject: Subject, env: str, episodes: int) -> list[int]:
     """Evaluate one episode after the other in one environment, as a recording plays them; their lengths."""
-    kept = Kept(make_env(env).env)
+    made = make_env(env)
+    assert isinstance(made, gymnasium.Wrapper)
+    kept = Kept(made.env)
     return [evaluate(subject.policy, lambda: kept, episodes=1, seed=k).lengths[0] for k in range(episodes)]
 
 

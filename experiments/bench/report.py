@@ -12,8 +12,8 @@ import numpy as np
 import torch
 
 from experiments.bench.timing import seconds
+from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import CELL, CELLS, SCORES, SPEED
-from experiments.matrix.grid import Cell
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import read_results
 from experiments.matrix.table import write_csv

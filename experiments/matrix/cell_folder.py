@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.matrix.grid import Cell
+from experiments.matrix.cell import Cell
 from experiments.matrix.table import NAN, VERSIONS, Row
 from transferkit.config import TrainConfig
 from transferkit.errors import RunDirectoryError, TransferkitError

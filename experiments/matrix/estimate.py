@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import columns
-from experiments.matrix.grid import Cell
 from experiments.matrix.table import Row
 from transferkit.config import TrainConfig
 from transferkit.envs import episode_limit, make_env
@@ -105,13 +105,14 @@ def _known(done: Sequence[Row]) -> dict[Kind, Range]:
     times = defaultdict(list)
     for row in done:
         times[_kind(row)].append(row.seconds)
-    return {kind: (float(np.mean(found)),) * 2 for kind, found in times.items()}
+    means = {kind: float(np.mean(found)) for kind, found in times.items()}
+    return {kind: (mean, mean) for kind, mean in means.items()}
 
 
 def _kind(row: Row) -> Kind:
     return row.target, row.trainer, row.preset, row.core != "", row.budget
 
 
-def _range(seconds: Sequence[float]) -> str:
+def _range(seconds: Iterable[float]) -> str:
     low, high = (f"{value:.0f}" for value in seconds)
     return low if low == high else f"{low} to {high}"

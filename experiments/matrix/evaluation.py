@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
+from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import SPEED
-from experiments.matrix.grid import Cell
 from transferkit.config import TrainConfig
 from transferkit.envs import Actor, dims, make_env, rollout
 from transferkit.evaluation import POOL, RandomPolicy, ZeroPolicy, evaluate

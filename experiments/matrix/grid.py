@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import functools
-import hashlib
 import itertools
-import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER
-from experiments.matrix.table import Row
+from experiments.matrix.cell import Cell
 from transferkit.budget import Budget
-from transferkit.config import SECTIONS, Algorithm, TrainConfig, identity, overrides, with_settings
+from transferkit.config import SECTIONS, Algorithm, TrainConfig, with_settings
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, SettingError, TransferkitError, UnknownNameError
 from transferkit.policy import Core
@@ -22,9 +20,6 @@ from transferkit.zoo.artifact import load_core
 
 DISTINCT = {"frozen", "padded"}
 """Arms whose sandwiches have other options than the transfer's, so that each can be refused by itself."""
-
-ANY_CORE = "any"
-"""Stands for a core where there is none, so that the trainer's wrapping counts in every arm."""
 
 
 class GridError(ConfigError):
@@ -46,86 +41,6 @@ class Trainer:
     def label(self) -> str:
         """Its name in tables."""
         return self.name or (self.algo if self.preset == "default" else f"{self.algo} {self.preset}")
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One run."""
-
-    arm: str
-    core: str
-    """Empty for arms that have none."""
-    trainer: str
-    """Empty for arms that are not trained."""
-    config: TrainConfig
-
-    @property
-    def trained(self) -> bool:
-        """Whether it has a budget; else its policy is evaluated as it begins."""
-        return any(limit is not None for limit in (self.config.episodes, self.config.steps, self.config.seconds))
-
-    @functools.cached_property
-    def id(self) -> str:
-        """Hash of everything that determines the run."""
-        facts = identity(self._with_core)
-        if self.arm in UNTRAINED:
-            facts = {name: value for name, value in facts.items() if name not in ("algo", "preset", "overrides")}
-        if not self.core:
-            del facts["core"], facts["member"]
-        text = json.dumps({"arm": self.arm, "core": self.core, "identity": facts}, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-    @functools.cached_property
-    def row(self) -> Row:
-        """What its row says before it has run."""
-        config, trains = self.config, self.arm not in UNTRAINED
-        return Row(
-            id=self.id,
-            core=self.core,
-            member=config.member,
-            target=config.env,
-            arm=self.arm,
-            trainer=self.trainer,
-            algo=config.algo if trains else "",
-            preset=config.preset if trains else "",
-            overrides=json.dumps(overrides(self._with_core), sort_keys=True) if trains else "{}",
-            seed=config.seed,
-            budget_episodes=config.episodes,
-            budget_steps=config.steps,
-            budget_seconds=config.seconds,
-            eval_every=config.eval_every,
-            eval_episodes=config.eval_episodes,
-        )
-
-    @classmethod
-    def from_row(cls, row: Row) -> Cell:
-        """The cell that a row is the result of.
-
-        Raises:
-            TransferkitError: its preset or one of its overrides is not known.
-        """
-        config = TrainConfig(
-            row.target,
-            core=row.core or None,
-            member=row.member,
-            algo=row.algo or "ppo",
-            preset=row.preset or "default",
-            seed=row.seed,
-            episodes=row.budget_episodes,
-            steps=row.budget_steps,
-            seconds=row.budget_seconds,
-            eval_every=row.eval_every,
-            eval_episodes=row.eval_episodes,
-        )
-        return cls(row.arm, row.core, row.trainer, with_settings(config, json.loads(row.overrides)))
-
-    def to_json(self) -> dict[str, object]:
-        """What its folder says of it."""
-        return {"id": self.id, "arm": self.arm, "core": self.core, "trainer": self.trainer, "config": asdict(self.config)}
-
-    @property
-    def _with_core(self) -> TrainConfig:
-        return replace(self.config, core=self.core or ANY_CORE)
 
 
 @dataclass(frozen=True)
@@ -186,13 +101,13 @@ class Grid:
             self._build(config)
         lists = self.cores or ("",), self.members, self.targets, configs.items(), self.arms, self.seeds
         for core, member, target, (name, config), arm, seed in itertools.product(*lists):
-            member = 0 if arm in WITHOUT_MEMBER else member  # noqa: PLW2901
             if arm in UNTRAINED:
                 cell = Cell(arm, "", "", TrainConfig(target, eval_episodes=self.eval_episodes))
             elif arm in WITHOUT_CORE:
                 cell = Cell(arm, "", name, replace(config, env=target, seed=seed))
             else:
-                cell = Cell(arm, core, name, replace(config, env=target, core=core, member=member, seed=seed))
+                own = 0 if arm in WITHOUT_MEMBER else member
+                cell = Cell(arm, core, name, replace(config, env=target, core=core, member=own, seed=seed))
             add(found, cell)
         return list(found.values())
 
@@ -265,6 +180,8 @@ def _by_dotted_name(values: Mapping[str, object]) -> dict[str, object]:
     """Settings by dotted name, quoted in TOML or not."""
     flat: dict[str, object] = {}
     for name, value in values.items():
-        nested = name in SECTIONS and isinstance(value, Mapping)
-        flat |= {f"{name}.{key}": own for key, own in value.items()} if nested else {name: value}
+        if name in SECTIONS and isinstance(value, Mapping):
+            flat |= {f"{name}.{key}": own for key, own in value.items()}
+        else:
+            flat[name] = value
     return flat

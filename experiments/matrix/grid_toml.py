@@ -8,16 +8,16 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from experiments.matrix.grid import Cell, Grid, GridError, Trainer, add, at, check_names
+from experiments.matrix.cell import Cell
+from experiments.matrix.grid import Grid, GridError, Trainer, add, at, check_names
 from experiments.matrix.table import ambiguity
 from transferkit.errors import ConfigError
 
 MOST = 10_000
 """Seeds, or members, of a grid."""
 
-LISTS = {"cores": (str, "a list of names"), "targets": (str, "a list of names"), "arms": (str, "a list of names")}
-LISTS["trainer"] = (dict, "a list of tables, each written as [[trainer]]")
-NUMBERS = {"episodes": (int,), "steps": (int,), "seconds": (int, float), "eval_every": (int,), "eval_episodes": (int,)}
+NAMES = ("cores", "targets", "arms")
+WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
 NEEDED = ("targets", "arms", "seeds")
 
 
@@ -34,7 +34,7 @@ def load_cells(path: Path) -> list[Cell]:
     except ValueError as error:
         raise ConfigError(f"{path} is not TOML: {error}") from None
     parts, cells = data.pop("part", [{}]), {}
-    if not parts or not _is_list_of(dict, parts):
+    if not parts or not _is_list(parts, dict):
         raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
     for k, part in enumerate(parts, 1):
         try:
@@ -58,7 +58,7 @@ def _grid(data: dict[str, Any]) -> Grid:
         if name in data:
             data[name] = _numbers(name, data[name])
     trainers = [_trainer(trainer) for trainer in data.pop("trainer", [{}])]
-    lists = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
+    lists: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
     with at("grid"):
         return Grid(**lists, trainer=tuple(trainers))
 
@@ -73,7 +73,7 @@ def _trainer(data: Mapping[str, Any]) -> Trainer:
 
 
 def _numbers(name: str, value: object) -> list[int]:
-    if _is_list_of(int, value) and all(number >= 0 for number in value):
+    if _is_list(value, int) and all(number >= 0 for number in value):
         return value
     first, dash, last = str(value).partition("-")
     if not dash or not (first + last).isascii() or not first.isdigit() or not last.isdigit() or int(first) > int(last):
@@ -85,11 +85,15 @@ def _numbers(name: str, value: object) -> list[int]:
 
 def _check_types(data: Mapping[str, Any]) -> None:
     for name, value in data.items():
-        if name in NUMBERS and type(value) not in NUMBERS[name]:
-            raise GridError(name, value=value, allowed="a whole number" if NUMBERS[name] == (int,) else "a number")
-        if name in LISTS and not _is_list_of(LISTS[name][0], value):
-            raise GridError(name, value=value, allowed=LISTS[name][1])
+        if name in WHOLE and type(value) is not int:
+            raise GridError(name, value=value, allowed="a whole number")
+        if name == "seconds" and type(value) not in (int, float):
+            raise GridError(name, value=value, allowed="a number")
+        if name in NAMES and not _is_list(value, str):
+            raise GridError(name, value=value, allowed="a list of names")
+        if name == "trainer" and not _is_list(value, dict):
+            raise GridError(name, value=value, allowed="a list of tables, each written as [[trainer]]")
 
 
-def _is_list_of(kind: type, value: object) -> TypeGuard[list[Any]]:
+def _is_list(value: object, kind: type) -> TypeGuard[list[Any]]:
     return isinstance(value, list) and all(type(item) is kind for item in value)

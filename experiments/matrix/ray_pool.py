@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import socket
 from collections.abc import Callable, Iterator
@@ -9,10 +10,11 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Generic, TypeVar
 
+from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import SPEED, folder, pack, unpack
-from experiments.matrix.grid import Cell
 from transferkit.errors import ConfigError
 
 RETRIES = 20
@@ -77,12 +79,12 @@ def ray_pool(out: Path) -> Iterator[RayPool]:
         ray.shutdown()
 
 
-def _ray() -> Any:  # noqa: ANN401 - a module that may be missing
+def _ray() -> ModuleType:
+    """An extra, which takes seconds to import."""
     try:
-        import ray  # type: ignore[import-not-found] # noqa: PLC0415 - an extra, and seconds to import
+        return importlib.import_module("ray")
     except ImportError:
         raise ConfigError("Ray is not installed", remedy="pip install 'transferkit[cluster]'") from None
-    return ray
 
 
 def _check_address(address: str) -> None:

@@ -17,10 +17,10 @@ from pathlib import Path
 import torch
 
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE
+from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import CELL, CELLS, ERROR, folder, set_aside
 from experiments.matrix.estimate import plan
 from experiments.matrix.evaluation import actor_without_policy, evaluate_untrained, write_speed
-from experiments.matrix.grid import Cell
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.ray_pool import connect, ray_pool
 from experiments.matrix.results import TABLE, Results, collect, read_results

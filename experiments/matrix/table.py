@@ -10,6 +10,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 from transferkit.errors import RunDirectoryError
 from transferkit.files import write_atomically
@@ -137,7 +138,7 @@ def _number(text: str) -> float:
     return value
 
 
-PARSERS: Mapping[str, Callable[[str], str | float | None]] = {
+PARSERS: Mapping[str, Callable[[str], Any]] = {
     "str": str,
     "int": int,
     "float": _number,

@@ -85,19 +85,9 @@ class Arm:
             if len(t["steps"]) > 1
         }
 
-    @functools.cache  # noqa: B019 - arms live as long as the report
     def curve(self, kind: str, axis: str) -> Curve | None:
         """Training returns smoothed over a window, or evaluations, on the axis of episodes or of environment steps."""
-        grid = _crossed(self.evaluations if kind == EVALUATIONS else self.episodes)
-        runs = [run for row in grid for run in row]
-        start, end = max((run[axis][0] for run in runs), default=0), min((run[axis][-1] for run in runs), default=0)
-        if start >= end:
-            return None
-        x = np.linspace(start, end, POINTS)
-        window = WINDOWS.get(kind, 1)
-        values = np.array([[np.interp(x, run[axis], running_mean(run["returns"], window)) for run in row] for row in grid])
-        low, high = stats.crossed_band(values, stats.iqm, resamples=RESAMPLES)
-        return Curve(len(runs), x, stats.iqm(values.reshape(-1, POINTS), axis=0), low, high)
+        return _curve(self, kind, axis)
 
     @property
     def _kept(self) -> list[tuple[Row, Path]]:
@@ -106,6 +96,20 @@ class Arm:
             return []
         runs = [(row, self.root / CELLS / row.id / "run") for row in self.rows]
         return [(row, run) for row, run in runs if run.exists()]
+
+
+@functools.cache
+def _curve(arm: Arm, kind: str, axis: str) -> Curve | None:
+    grid = _crossed(arm.evaluations if kind == EVALUATIONS else arm.episodes)
+    runs = [run for row in grid for run in row]
+    start, end = max((run[axis][0] for run in runs), default=0), min((run[axis][-1] for run in runs), default=0)
+    if start >= end:
+        return None
+    x = np.linspace(start, end, POINTS)
+    window = WINDOWS.get(kind, 1)
+    values = np.array([[np.interp(x, run[axis], running_mean(run["returns"], window)) for run in row] for row in grid])
+    low, high = stats.crossed_band(values, stats.iqm, resamples=RESAMPLES)
+    return Curve(len(runs), x, stats.iqm(values.reshape(-1, POINTS), axis=0), low, high)
 
 
 def running_mean(values: Array, window: int) -> Array:

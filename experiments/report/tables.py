@@ -14,7 +14,7 @@ from experiments.report.curves import Arm, Array, Key
 from experiments.report.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
 
-TableRow = dict[str, object]
+TableRow = Mapping[str, object]
 """A line of a table by column."""
 
 HALFWAY = 0.5

@@ -174,10 +174,8 @@ def _heading(columns: Mapping[str, str], between: Sequence[str]) -> list[str]:
 def _between(groups: Mapping[str, Group], names: Sequence[str], arm: str) -> list[str]:
     if not names:
         return []
-    scores = [groups[name].scores.get(arm) for name in names]
-    if any(values is None for values in scores):
-        return ["-"]
-    return [difference(stats.paired_difference(*scores))]
+    scores = [groups[name].scores[arm] for name in names if arm in groups[name].scores]
+    return [difference(stats.paired_difference(*scores)) if len(scores) == 2 else "-"]
 
 
 def _paired(group: Group, arm: str, measure: str) -> stats.Difference:

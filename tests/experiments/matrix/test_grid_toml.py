@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from experiments.matrix.grid import Cell, Grid, Trainer
+from experiments.matrix.cell import Cell
+from experiments.matrix.grid import Grid, Trainer
 from experiments.matrix.grid_toml import load_cells
 from transferkit.errors import ConfigError
 

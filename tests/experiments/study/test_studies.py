@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.matrix.grid import Cell
+from experiments.matrix.cell import Cell
 from experiments.study.__main__ import check, main
 from experiments.study.rooms import STUDIES, Study, StudyError, find, names
 from transferkit.config import PRESETS
