@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import functools
 import itertools
 import math
 from collections.abc import Iterator, Mapping
@@ -13,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.matrix.cell import Cell
+from experiments.matrix.run_table import columns
 from experiments.matrix.table import NAN, VERSIONS, Row
 from transferkit.config import TrainConfig
 from transferkit.errors import RunDirectoryError, TransferkitError
@@ -81,13 +80,6 @@ def set_aside(out: Path, where: Path) -> Path:
     copy = next(name for name in names if not name.exists())
     copy.parent.mkdir(exist_ok=True)
     return where.rename(copy)
-
-
-def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
-    """A table of a run by column, `(rows,)` each; read once as long as the file stays the same."""
-    path = run / f"{name}.csv"
-    stat = path.stat()
-    return _columns(path, stat.st_mtime_ns, stat.st_size, stat.st_ino)
 
 
 def pack(where: Path) -> dict[str, bytes]:
@@ -170,12 +162,5 @@ def _naming(file: str) -> Iterator[None]:
         yield
     except DamagedError:
         raise
-    except (TransferkitError, OSError, ValueError, LookupError, TypeError, AttributeError, StopIteration) as error:
+    except (TransferkitError, OSError, ValueError, LookupError, TypeError, AttributeError, csv.Error) as error:
         raise DamagedError(f"{file}: {type(error).__name__}: {error}") from error
-
-
-@functools.lru_cache(maxsize=10_000)
-def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
-    with path.open(newline="") as file:
-        header, *rows = csv.reader(file)
-    return dict(zip(header, np.array(rows, float).reshape(-1, len(header)).T, strict=True))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.matrix.cell import Cell
-from experiments.matrix.cell_folder import columns
+from experiments.matrix.run_table import columns
 from experiments.matrix.table import Row
 from transferkit.config import TrainConfig
 from transferkit.envs import episode_limit, make_env

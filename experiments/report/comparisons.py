@@ -123,7 +123,7 @@ class Group:
 
 
 def compare(rows: Sequence[Row], root: Path | None = None) -> list[Group]:
-    """Every comparison that these rows hold; `root` is the folder of their matrix, for learning curves."""
+    """Every comparison that these rows hold; `root` is the folder of their cells, for learning curves."""
     trained = [row for row in rows if row.arm not in UNTRAINED]
     groups = []
     for target, trainer in sorted({(row.target, row.trainer) for row in trained}):

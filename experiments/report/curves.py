@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.matrix.cell_folder import CELLS, columns
+from experiments.matrix.run_table import columns
 from experiments.matrix.table import Row
 from transferkit import stats
 from transferkit.errors import DivergedError, NotFiniteError
@@ -55,7 +55,7 @@ class Arm:
     name: str
     rows: Sequence[Row]
     root: Path | None
-    """Folder of the matrix; None if only rows are here."""
+    """Folder of the matrix's cells; None if only rows are here."""
     failed: Sequence[Row] = ()
     """Runs that have no result, though they were tried."""
 
@@ -94,7 +94,7 @@ class Arm:
         """Runs whose folders are here, not only their rows."""
         if self.root is None:
             return []
-        runs = [(row, self.root / CELLS / row.id / "run") for row in self.rows]
+        runs = [(row, self.root / row.id / "run") for row in self.rows]
         return [(row, run) for row, run in runs if run.exists()]
 
 

@@ -47,7 +47,7 @@ def load_matrix(root: Path) -> Matrix:
     made_by = {tuple(f"{name} {getattr(row, name)}" for name in (*VERSIONS, "commit")) for row in results.finished if row.torch}
     return Matrix(
         results.finished,
-        compare(results.rows, root),
+        compare(results.rows, root / CELLS),
         results.failed,
         [f"{where.name}: {what}" for where, what in results.damaged.items()],
         sorted({read_json(path)["command"] for path in paths if path.exists()}),

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.matrix.cell_folder import CELLS, columns
+from experiments.matrix.cell_folder import CELLS
+from experiments.matrix.run_table import columns
 from experiments.matrix.table import read_rows, write_csv
 
 FOLDER = Path(__file__).parent
