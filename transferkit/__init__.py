@@ -36,18 +36,18 @@ if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
     from transferkit.export import export_onnx as export_onnx
-    from transferkit.policy import Core as Core
-    from transferkit.policy import Health as Health
-    from transferkit.policy import Policy as Policy
-    from transferkit.policy import health as health
-    from transferkit.policy import load_policy as load_policy
-    from transferkit.policy import scratch_policy as scratch_policy
-    from transferkit.policy import wrap as wrap
-    from transferkit.record import Subject as Subject
-    from transferkit.record import read_transitions as read_transitions
-    from transferkit.record import record_episodes as record_episodes
-    from transferkit.record import replay_recording as replay_recording
-    from transferkit.result import Result as Result
+    from transferkit.policy.base import Policy as Policy
+    from transferkit.policy.core import Core as Core
+    from transferkit.policy.health import Health as Health
+    from transferkit.policy.health import health as health
+    from transferkit.policy.make import scratch_policy as scratch_policy
+    from transferkit.policy.make import wrap as wrap
+    from transferkit.policy.saved import load_policy as load_policy
+    from transferkit.record.play import Subject as Subject
+    from transferkit.record.play import record_episodes as record_episodes
+    from transferkit.record.reader import read_transitions as read_transitions
+    from transferkit.record.replay import replay_recording as replay_recording
+    from transferkit.run import Result as Result
     from transferkit.spec import Actuator as Actuator
     from transferkit.spec import Element as Element
     from transferkit.spec import IOSpec as IOSpec
@@ -87,9 +87,15 @@ _HOMES = {
     ),
     "evaluation": ("Evaluation", "evaluate"),
     "export": ("export_onnx",),
-    "policy": ("Core", "Health", "Policy", "health", "load_policy", "scratch_policy", "wrap"),
-    "record": ("Subject", "read_transitions", "record_episodes", "replay_recording"),
-    "result": ("Result",),
+    "policy.base": ("Policy",),
+    "policy.core": ("Core",),
+    "policy.health": ("Health", "health"),
+    "policy.make": ("scratch_policy", "wrap"),
+    "policy.saved": ("load_policy",),
+    "record.play": ("Subject", "record_episodes"),
+    "record.reader": ("read_transitions",),
+    "record.replay": ("replay_recording",),
+    "run": ("Result",),
     "spec": ("Actuator", "Element", "IOSpec", "Joint"),
     "subject": ("load_subject",),
     "training": ("run_training", "train"),

@@ -12,7 +12,9 @@ from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 _OPTION = re.compile(r"\{([\w.]+)(?:=([^}]*))?\}")
-NOT_GIVEN = object()
+NOT_GIVEN = ...
+"""Stands for a value that an error has none of."""
+
 FEW = 12
 """Known names that are listed if none is near."""
 
@@ -65,7 +67,7 @@ class TransferkitError(Exception):
 
 
 def _restored(kind: type[TransferkitError], fields: dict[str, Any]) -> TransferkitError:
-    error = kind.__new__(kind)
+    error = kind.__new__(kind, fields["what"])
     error.__dict__.update(fields)
     return error
 

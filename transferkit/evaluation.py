@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs import Actor, make_env, rollout
+from transferkit.envs import make_env, rollout
 from transferkit.streams import Streams
+
+if TYPE_CHECKING:
+    from transferkit.envs import Actor
 
 EPISODES = 20
 """Default episodes of an evaluation."""

@@ -7,16 +7,21 @@ import json
 import logging
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
 
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError
-from transferkit.policy import Policy, play
-from transferkit.record import Names, Subject
-from transferkit.spec import IOSpec
+from transferkit.policy.health import play
+from transferkit.record.format import Names
 from transferkit.versions import versions
+
+if TYPE_CHECKING:
+    from transferkit.policy.base import Policy
+    from transferkit.record.play import Subject
+    from transferkit.spec import IOSpec
 
 PARITY_ROWS = 1000
 """Random observations on which an exported file is compared with torch."""

@@ -1,4 +1,4 @@
-"""Atomic file writes, and JSON files."""
+"""Atomic file writes, JSON files, and checks of output paths."""
 
 from __future__ import annotations
 
@@ -9,7 +9,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from transferkit.errors import RunDirectoryError
+from transferkit.errors import ConfigError, RunDirectoryError
+
+
+def check_new(path: Path, option: str) -> None:
+    """Check that a file does not exist but its folder does, before any work is done for it.
+
+    Raises:
+        ConfigError: the file exists, or its folder does not.
+    """
+    if path.exists():
+        raise ConfigError(f"{path} exists", remedy=f"choose another {{{option}}}")
+    if not path.parent.is_dir():
+        raise ConfigError(
+            f"cannot write {path}: no folder {path.parent}", remedy=f"choose an {{{option}}} in a folder that exists"
+        )
 
 
 def write_atomically(path: Path, data: bytes) -> None:

@@ -9,9 +9,8 @@ import matplotlib as mpl
 import numpy as np
 
 from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
-from transferkit.files import read_json
-from transferkit.record import read, spec_of
-from transferkit.run import RECORD, EpisodeRow, EvaluationRow, ModelRow, read_table
+from transferkit.record.reader import read, spec_of
+from transferkit.run import EpisodeRow, EvaluationRow, ModelRow, read_record, read_table
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
@@ -57,7 +56,7 @@ def draw_run(run: Path, path: Path) -> None:
     Raises:
         RunDirectoryError: there is no run, or no finished episode yet.
     """
-    record = read_json(run / RECORD)["config"]
+    record = read_record(run)
     if not read_table(run, EpisodeRow):
         raise RunDirectoryError(f"{run} has no finished episode yet", remedy="train longer, then plot")
     model = read_table(run, ModelRow) if (run / f"{ModelRow.table}.csv").exists() else []

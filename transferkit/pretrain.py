@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from transferkit import stats
-from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.policy import Component, Core, ScratchPolicy, load_components, load_policy, stack_members
-from transferkit.result import Result
-from transferkit.run import Report
+from transferkit.policy.base import ScratchPolicy
+from transferkit.policy.core import Core, stack_members
+from transferkit.policy.saved import load_components, load_policy
 from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
 from transferkit.zoo.artifact import ensemble_card, normalizer_card, policy_card, save_core
 from transferkit.zoo.card import Card, Score
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+    from transferkit.policy.saved import Component
+    from transferkit.run import Report, Result
 
 SCORE_SEED = 1
 """Evaluation seed of the stated score; evaluations during training use 0."""

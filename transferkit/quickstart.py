@@ -6,18 +6,23 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from transferkit import stats
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig
-from transferkit.envs import Actor, derive_spec
-from transferkit.evaluation import Evaluation, RandomPolicy, ZeroPolicy, evaluate
+from transferkit.envs import derive_spec
+from transferkit.evaluation import RandomPolicy, ZeroPolicy, evaluate
 from transferkit.plots import draw_learning_curves
-from transferkit.policy import Core, wrap
-from transferkit.result import Result
-from transferkit.run import Report
+from transferkit.policy.make import wrap
 from transferkit.training import run_training
 from transferkit.zoo.artifact import load_core
+
+if TYPE_CHECKING:
+    from transferkit.envs import Actor
+    from transferkit.evaluation import Evaluation
+    from transferkit.policy.core import Core
+    from transferkit.run import Report, Result
 
 CORE, TWIN, TARGET = "inverted-pendulum-v1", "dm_control/cartpole-balance-v0", "InvertedDoublePendulum-v5"
 EPISODES = 200

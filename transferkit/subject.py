@@ -5,17 +5,24 @@ from __future__ import annotations
 import hashlib
 import logging
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from transferkit.config import TrainConfig
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
-from transferkit.evaluation import Evaluation, evaluate
-from transferkit.files import read_json
-from transferkit.nn import Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic, Value
-from transferkit.policy import Policy, load_policy, load_saved, make_critic, new_policy, wrap
-from transferkit.record import Subject
-from transferkit.run import POLICY, RECORD
+from transferkit.evaluation import evaluate
+from transferkit.nn import Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic
+from transferkit.policy.critic_and_model import make_critic
+from transferkit.policy.make import new_policy, wrap
+from transferkit.policy.saved import load_policy, load_saved
+from transferkit.record.play import Subject
+from transferkit.run import POLICY, RECORD, read_record
 from transferkit.streams import Streams
 from transferkit.zoo.artifact import load_core
+
+if TYPE_CHECKING:
+    from transferkit.evaluation import Evaluation
+    from transferkit.nn import Value
+    from transferkit.policy.base import Policy
 
 
 def load_subject(name: str, *, env: str | None = None, member: int | None = None, values: bool = True) -> Subject:
@@ -47,7 +54,7 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
 
 def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
     """Evaluate the final policy of a run on its own environment."""
-    config = TrainConfig.from_json(read_json(Path(run_dir) / RECORD)["config"])
+    config = TrainConfig.from_json(read_record(Path(run_dir)))
     clip = config.env_config.clip_actions
     return evaluate(load_policy(run_dir), config.env, episodes=episodes, seed=seed, clip_actions=clip)
 
@@ -60,7 +67,7 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
     Raises:
         RunDirectoryError: a wrapped critic cannot be rebuilt, because its core is not what it was.
     """
-    saved, record = load_saved(run_dir)["parts"], read_json(Path(run_dir) / RECORD)["config"]
+    saved, record = load_saved(run_dir)["parts"], read_record(Path(run_dir))
     config = TrainConfig.from_json(record)
     if "value" in saved:
         critic = StateCritic(policy.obs_dim, config.network.hidden, config.network.activation, normalizer=policy.normalizer)
@@ -88,7 +95,7 @@ def _wrapped_critic(config: TrainConfig, digest: str, policy: Policy, run_dir: s
 
 
 def _run_subject(run: Path, env: str | None, *, values: bool) -> Subject:
-    record = read_json(run / RECORD)["config"]
+    record = read_record(run)
     config = TrainConfig.from_json(record)
     if env not in (None, config.env):
         raise ConfigError(f"run {run} was trained in {config.env} and cannot play {env}", remedy="leave out {env}")

@@ -7,25 +7,34 @@ from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import torch
 
 from transferkit.budget import Budget
-from transferkit.config import Algorithm, TrainConfig, identity, migrated_blueprint, with_settings
+from transferkit.config import TrainConfig, identity, migrated_blueprint, with_settings
 from transferkit.envs import VectorEnv, derive_spec, dims, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.files import read_json
 from transferkit.nn import one_thread
-from transferkit.policy import Core, Policy, as_saved, new_policy, state_of
-from transferkit.record import Transitions, load_experience, record_evaluation
-from transferkit.result import Result
-from transferkit.run import CHECKPOINT, RECORD, RESULT, Report, RunDirectory, Schedule, Scores, Session, check_same
+from transferkit.policy.make import new_policy
+from transferkit.policy.saved import as_saved, state_of
+from transferkit.record.experience import load_experience
+from transferkit.record.play import record_evaluation
+from transferkit.run import CHECKPOINT, RECORD, RESULT, Result, RunDirectory, Schedule, Session, check_same, read_record
 from transferkit.streams import Streams
-from transferkit.trainers import Trainer, make_trainer, migrated_checkpoint, run_loop
+from transferkit.trainers.loop import migrated_checkpoint, run_loop
+from transferkit.trainers.make import make_trainer
 from transferkit.zoo.artifact import load_core
+
+if TYPE_CHECKING:
+    from transferkit.config import Algorithm
+    from transferkit.policy.base import Policy
+    from transferkit.policy.core import Core
+    from transferkit.record.reader import Transitions
+    from transferkit.run import Report, Scores
+    from transferkit.trainers.loop import Trainer
 
 RUNS = Path("runs")
 """Folder of run directories that are not named."""
@@ -209,7 +218,7 @@ def _open(job: _Job, ledger: Ledger, *, resume: bool) -> tuple[RunDirectory, dic
     made_of |= {"recordings": list(ledger)} if ledger else {}
     if not (resume and (job.out / RECORD).exists()):
         return RunDirectory.create(job.out, {**asdict(job.config), **made_of}), None
-    recorded = read_json(job.out / RECORD)["config"]
+    recorded = read_record(job.out)
     before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
     before["policy"] = migrated_blueprint(recorded["policy"])
     check_same(job.out, before, identity(job.config) | made_of)
@@ -221,7 +230,7 @@ def _experience(config: TrainConfig, out: Path, *, resume: bool) -> tuple[Transi
     if not config.experience:
         return None, []
     if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
-        return None, read_json(out / RECORD)["config"].get("recordings", [])
+        return None, read_record(out).get("recordings", [])
     transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(config.env))
     if len(transitions) > config.dyna.buffer_size:
         raise SettingError(

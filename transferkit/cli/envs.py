@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.spec import IOSpec
 from transferkit.table import format_table
+
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
 
 def main(arguments: Sequence[str]) -> Answer:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.cli.paths import check_new
 from transferkit.errors import ConfigError
+from transferkit.files import check_new
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -29,7 +29,7 @@ def main(arguments: Sequence[str]) -> Answer:
 
 
 def _minari(names: Sequence[str], dataset: str) -> Answer:
-    from transferkit.record import export_minari  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.datasets import export_minari  # noqa: PLC0415 - torch takes seconds to import
 
     steps = export_minari([Path(name) for name in names], dataset)
     return Answer({"dataset": dataset, "steps": steps}, f"{dataset}: {steps} steps")

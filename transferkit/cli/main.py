@@ -8,10 +8,14 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from transferkit.cli.answer import JSON_FLAG, Answer
+from transferkit.cli.answer import JSON_FLAG
 from transferkit.cli.wording import worded
 from transferkit.errors import InterruptedRunError, TransferkitError, UnknownNameError
+
+if TYPE_CHECKING:
+    from transferkit.cli.answer import Answer
 
 COMMANDS = {
     "quickstart": "the main job on real environments, in under two minutes",

@@ -6,12 +6,14 @@ import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from transferkit.budget import Budget, Spent
-from transferkit.run import Report
+if TYPE_CHECKING:
+    from transferkit.budget import Budget, Spent
+    from transferkit.run import Report
 
 PLAIN_SECONDS = 15.0
 """Least time between progress lines if stderr is not a terminal."""

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.cli.paths import check_new
 from transferkit.errors import SettingError
+from transferkit.files import check_new
 from transferkit.table import format_table
 
 
@@ -25,7 +25,7 @@ def main(arguments: Sequence[str]) -> Answer:
         if (value := getattr(options, name)) < least:
             raise SettingError(name, value=value, allowed=f"at least {least}")
     check_new(options.out, "out")
-    from transferkit.record import record_episodes  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.play import record_episodes  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.subject import load_subject  # noqa: PLC0415
 
     subject = load_subject(options.name, env=options.env, member=options.member)

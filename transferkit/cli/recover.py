@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.cli.paths import check_new
+from transferkit.files import check_new
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -15,7 +15,7 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("file", type=Path, metavar="FILE.mcap")
     flags.add_argument("--out", type=Path, help="by default FILE.recovered.mcap")
     options = flags.parse_args(arguments)
-    from transferkit.record import recover  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.recover import recover  # noqa: PLC0415 - torch takes seconds to import
 
     out = options.out or options.file.with_suffix(".recovered.mcap")
     check_new(out, "out")

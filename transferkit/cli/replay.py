@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.cli.paths import check_new
 from transferkit.errors import ConfigError
+from transferkit.files import check_new
 
 if TYPE_CHECKING:
-    from transferkit.record import Replayed
+    from transferkit.record.replay import Replayed
 
 DIFFERENT = 1
 
@@ -31,7 +31,7 @@ def main(arguments: Sequence[str]) -> Answer:
 
 
 def _replay(file: Path) -> Replayed:
-    from transferkit.record import replay_recording  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.replay import replay_recording  # noqa: PLC0415 - torch takes seconds to import
 
     return replay_recording(file)
 
@@ -44,7 +44,8 @@ def _with_video(file: Path, out: Path) -> Replayed:
 
     choose_renderer()
     check_renderer()
-    from transferkit.record import read, replay_recording, spec_of  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.reader import read, spec_of  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.record.replay import replay_recording  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.video import video  # noqa: PLC0415
 
     with video(out, spec_of(read(file, about_only=True), file).time_step) as on_frame:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from transferkit.cli.answer import Answer, parser
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
-from transferkit.zoo.card import Card, read_card
-from transferkit.zoo.catalog import core_folders, find_core, list_cards
+from transferkit.zoo.catalog import core_folders, find_card, list_cards
+
+if TYPE_CHECKING:
+    from transferkit.zoo.card import Card
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -68,7 +70,7 @@ def _list(options: argparse.Namespace) -> Answer:
 def _show(options: argparse.Namespace) -> Answer:
     from transferkit.zoo.readme import render  # noqa: PLC0415 - the list, which must be instant, needs none
 
-    card = read_card(find_core(options.id))
+    card = find_card(options.id)
     return Answer(card.to_json(), render(card))
 
 

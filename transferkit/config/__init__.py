@@ -1,10 +1,8 @@
 """Configuration as frozen dataclasses: one source for defaults, command-line flags and records."""
 
-from transferkit.config.dyna import DynaConfig
-from transferkit.config.dyna_ppo import DynaPPOConfig
+from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
 from transferkit.config.env import EnvConfig
 from transferkit.config.migrate import migrated_blueprint
-from transferkit.config.model import ModelConfig
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
 from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, Preset, preset_version

@@ -60,8 +60,8 @@ def _unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is an
     if kind is Literal:
         return "" if value in arguments else _choice(value, arguments)
     if kind is tuple:
-        fits = isinstance(value, tuple) and not any(_unfit(item, arguments[0]) for item in value)
-        return "" if fits else f"several, each {_unfit(None, arguments[0])}"
+        reasons = [_unfit(item, arguments[0]) for item in (value if isinstance(value, tuple) else [None])]
+        return next((f"several, each {reason}" for reason in reasons if reason), "")
     if kind is not None:
         return "" if isinstance(value, kind) else "a table of names and values"
     allowed = (int, float) if hint is float else hint

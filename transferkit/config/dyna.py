@@ -1,4 +1,4 @@
-"""Settings of DYNA-DDPG."""
+"""Settings of DYNA-DDPG, of DYNA-PPO, and of the learnt model that both have."""
 
 from __future__ import annotations
 
@@ -85,3 +85,49 @@ class DynaConfig:
         if self.discount_seconds is None or not time_step:
             return self.gamma
         return math.exp(-time_step / self.discount_seconds)
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """An ensemble that predicts observations, rewards and terminations (Chua et al. 2018), for DYNA-DDPG and DYNA-PPO."""
+
+    members: Annotated[int, AT_LEAST_ONE] = 5
+    """Networks of the ensemble."""
+    hidden: tuple[Annotated[int, AT_LEAST_ONE], ...] = (128, 128)
+    """Hidden layers of each."""
+    layer_norm: bool = True
+    """Normalise the hidden layers."""
+    learning_rate: Annotated[float, RATE] = 1e-3
+    """Adam step size."""
+    every: Annotated[int, AT_LEAST_ONE] = 250
+    """Environment steps between fits (Janner et al. 2019)."""
+    updates: Annotated[int, AT_LEAST_ONE] = 250
+    """Most batches per fit."""
+    batch_size: Annotated[int, AT_LEAST_ONE] = 256
+    """Transitions per batch and member."""
+    loss: Literal["likelihood", "squared-error"] = "likelihood"
+    """Gaussian with learnt variance, reward and termination; or the next observation alone (the paper)."""
+    predict: Literal["change", "state"] = "change"
+    """Predict the change of the observation, or the next observation itself (the paper)."""
+    normalize_targets: bool = True
+    """Predict in units of the targets' own deviations."""
+
+    def __post_init__(self) -> None:
+        check(self, "model")
+
+
+@dataclass(frozen=True)
+class DynaPPOConfig:
+    """PPO on imagined rollouts; the settings of PPO and of the model hold too."""
+
+    rollouts: Annotated[int, AT_LEAST_ONE] = 64
+    """Imagined rollouts side by side, in place of PPO's environments."""
+    horizon: Annotated[int, AT_LEAST_ONE] = 16
+    """Steps of an imagined rollout; the critic values what comes after it."""
+    updates: Annotated[int, AT_LEAST_ONE] = 10
+    """Rollouts and updates after each fit of the model."""
+    buffer_size: Annotated[int, AT_LEAST_ONE] = 1_000_000
+    """Transitions remembered, to which the model is fitted."""
+
+    def __post_init__(self) -> None:
+        check(self, "dyna_ppo")

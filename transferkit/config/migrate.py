@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from transferkit.config.presets import PRESETS, USED, Algorithm
-
 _NETWORK = ("hidden", "activation", "normalize_observation")
 _MODEL = ("members", "hidden", "learning_rate", "every", "updates", "batch_size", "loss")
 
@@ -20,7 +18,7 @@ def migrated(data: Mapping[str, Any]) -> dict[str, Any]:
     if "network" in data:
         return dict(data)
     ppo, dyna, wrap = dict(data["ppo"]), dict(data.get("dyna", {})), dict(data.get("wrap", {}))
-    algo: Algorithm = data["algo"]
+    algo = data["algo"]
     sections = {
         "env_config": {"clip_actions": ppo.pop("clip_actions", True)},
         "network": _network(algo, ppo, dyna),
@@ -33,7 +31,7 @@ def migrated(data: Mapping[str, Any]) -> dict[str, Any]:
     for name in ("hidden", "activation", "std", "init_std", "normalize_observation"):
         ppo.pop(name, None)
     sections |= {"ppo": _ppo(algo, ppo), "dyna": dyna}
-    return {**data, **sections, "preset": _version(algo, data["preset"], sections)}
+    return {**data, **sections}
 
 
 def migrated_blueprint(blueprint: Mapping[str, Any]) -> dict[str, Any]:
@@ -44,7 +42,7 @@ def migrated_blueprint(blueprint: Mapping[str, Any]) -> dict[str, Any]:
     return {**blueprint, "architecture": {**architecture, "initialization": "paper"}}
 
 
-def _network(algo: Algorithm, ppo: Mapping[str, Any], dyna: dict[str, Any]) -> dict[str, Any]:
+def _network(algo: str, ppo: Mapping[str, Any], dyna: dict[str, Any]) -> dict[str, Any]:
     std, init_std = ppo.get("std", "parameter"), ppo.get("init_std", 0.6)
     found = {name: ppo[name] for name in _NETWORK} | {"std": std, "init_std": init_std}
     found["initialization"] = "paper" if std == "head" else "orthogonal"
@@ -66,22 +64,10 @@ def _wrap(wrap: dict[str, Any], ppo: Mapping[str, Any], dyna: dict[str, Any]) ->
     return wrap | found | {"init_std": ppo.get("init_std", 0.6)}
 
 
-def _ppo(algo: Algorithm, ppo: dict[str, Any]) -> dict[str, Any]:
+def _ppo(algo: str, ppo: dict[str, Any]) -> dict[str, Any]:
     """Without what had no effect; DYNA-PPO replaced the schedule by KL divergence and the critic's own rate."""
     found = {"critic_learning_rate": None, **ppo}
     if algo == "dyna-ppo":
         schedule = "linear" if found["schedule"] == "adaptive" else found["schedule"]
         found |= {"rollout": "steps", "schedule": schedule, "critic_learning_rate": None}
     return {name: value for name, value in found.items() if name != "desired_kl" or found["schedule"] == "adaptive"}
-
-
-def _version(algo: Algorithm, name: str, sections: Mapping[str, Mapping[str, Any]]) -> str:
-    """The version of the named preset that leaves the fewest settings to override."""
-
-    def differing(version: str) -> int:
-        preset = PRESETS[algo][version]
-        pairs = [(getattr(getattr(preset, s), key), value) for s in USED[algo] for key, value in sections[s].items()]
-        return sum((list(own) if isinstance(own, tuple) else own) != value for own, value in pairs)
-
-    versions = [version for version in PRESETS[algo] if version.rpartition("-v")[0] == name]
-    return min(reversed(versions or list(PRESETS[algo])), key=differing)

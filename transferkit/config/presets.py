@@ -7,13 +7,11 @@ newest default of PPO, so whoever changes one writes the old value into the vers
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
-from transferkit.config.dyna import DynaConfig
-from transferkit.config.dyna_ppo import DynaPPOConfig
+from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
 from transferkit.config.env import EnvConfig
-from transferkit.config.model import ModelConfig
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
 from transferkit.config.wrap import WrapConfig
@@ -143,3 +141,20 @@ def preset_version(algo: Algorithm, name: str) -> str:
         families = dict.fromkeys(version.rpartition("-v")[0] for version in versions)
         raise UnknownNameError(f"preset of {algo}", name, [*families, *versions], topic="presets")
     return max(newest, key=lambda version: int(version.rpartition("-v")[2]))
+
+
+def closest_preset(algo: Algorithm, name: str, sections: Mapping[str, object]) -> str:
+    """Find the version of a preset that leaves the fewest settings of these sections to override; the newest of several.
+
+    Records of version 0.1 have the names `default` and `paper` alone.
+    """
+    if name in PRESETS[algo]:
+        return name
+
+    def differing(version: str) -> int:
+        preset = PRESETS[algo][version]
+        pairs = [(asdict(getattr(preset, section)), vars(sections[section])) for section in USED[algo]]
+        return sum(value != given[key] for given, own in pairs for key, value in own.items())
+
+    versions = [version for version in PRESETS[algo] if version.rpartition("-v")[0] == name]
+    return min(reversed(versions or list(PRESETS[algo])), key=differing)

@@ -7,14 +7,12 @@ from dataclasses import asdict, dataclass, fields, replace
 from typing import Annotated, Any, get_args
 
 from transferkit.config.checks import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, check
-from transferkit.config.dyna import DynaConfig
-from transferkit.config.dyna_ppo import DynaPPOConfig
+from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
 from transferkit.config.env import EnvConfig
 from transferkit.config.migrate import migrated
-from transferkit.config.model import ModelConfig
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
-from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, preset_version
+from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, closest_preset, preset_version
 from transferkit.config.wrap import WrapConfig
 from transferkit.errors import ConfigError, SettingError, UnknownNameError
 
@@ -109,6 +107,7 @@ class TrainConfig:
             data = migrated(data)
             sections = {name: _section(name, data[name]) for name in SECTIONS}
             plain = {f.name: data[f.name] for f in fields(cls) if f.name in data}
+            plain["preset"] = closest_preset(data["algo"], data["preset"], sections)
             return cls(**_tuples(plain | sections))
         except (KeyError, TypeError, AttributeError) as error:
             raise ConfigError(f"the record does not hold a configuration of this version ({error})") from None

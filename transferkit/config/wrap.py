@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from transferkit.config.checks import NOT_NEGATIVE, POSITIVE, SHARE, Range, check
+from transferkit.config.checks import NOT_NEGATIVE, POSITIVE, SHARE, check
 from transferkit.errors import SettingError
+
+if TYPE_CHECKING:
+    from transferkit.config.checks import Range
 
 
 @dataclass(frozen=True)

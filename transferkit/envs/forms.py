@@ -5,13 +5,18 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs.evidence import SAMPLES, Evidence, Samples
-from transferkit.spec import Element, Joint
+from transferkit.envs.evidence import SAMPLES
+from transferkit.spec import Element
+
+if TYPE_CHECKING:
+    from transferkit.envs.evidence import Evidence, Samples
+    from transferkit.spec import Joint
 
 TOLERANCE = 2e-5
 """Largest misfit of a form, relative to the element's spread (observations are float32)."""

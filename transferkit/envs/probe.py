@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
@@ -19,9 +19,13 @@ from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.joints import read_actuators, read_joints, unknown_actuators
 from transferkit.envs.make import dims, episode_limit, make_env, time_step
-from transferkit.envs.simulation import Simulation, open_simulation
-from transferkit.spec import Element, IOSpec, Joint
+from transferkit.envs.simulation import open_simulation
+from transferkit.spec import Element, IOSpec
 from transferkit.versions import versions
+
+if TYPE_CHECKING:
+    from transferkit.envs.simulation import Simulation
+    from transferkit.spec import Joint
 
 _DERIVED: dict[str, tuple[object, IOSpec]] = {}
 """What Gymnasium had registered under an id, and the spec that was derived from it."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
 
 from transferkit.nn.layers import Linear, mlp
-from transferkit.nn.normalizer import Normalizer, Shared
+from transferkit.nn.normalizer import Shared
+
+if TYPE_CHECKING:
+    from transferkit.nn.normalizer import Normalizer
 
 Value = Callable[[Tensor, Tensor], Tensor]
 """Maps observations `(B, obs_dim)` and actions `(B, act_dim)` to values `(B,)`."""

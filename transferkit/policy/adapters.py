@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor, nn
 
-from transferkit.nn import Linear, Normalizer, Shared
-from transferkit.policy.match import Match
+from transferkit.nn import Linear, Shared
+
+if TYPE_CHECKING:
+    from transferkit.nn import Normalizer
+    from transferkit.policy.match import Match
 
 
 class InputAdapter(nn.Module):

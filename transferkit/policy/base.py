@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -13,8 +13,12 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from transferkit.errors import UnknownNameError
-from transferkit.nn import Architecture, Normalizer, PolicyNet, gaussian
+from transferkit.nn import Normalizer, PolicyNet, gaussian
 from transferkit.table import format_table
+
+if TYPE_CHECKING:
+    from transferkit.nn import Architecture
+    from transferkit.policy.core import Origin
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,8 @@ class Policy(nn.Module):
     """Statistics of this environment's observations; None if the policy takes them raw."""
     has_core: bool = False
     """Whether a core acts in it from the first step."""
+    origin: Origin | None = None
+    """Where its core comes from, if critics and a model can be wrapped alike."""
     squash: bool = False
     """Whether the mean is bounded by tanh, as in the paper's DDPG."""
     lr_scale: Mapping[str, float]

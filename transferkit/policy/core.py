@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
 from transferkit.errors import ConfigError, SettingError
-from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, EnsembleArchitecture, JointInput, Normalizer, PolicyNet
+from transferkit.nn import Critic, Dynamics, Ensemble, JointInput, Normalizer, PolicyNet
 from transferkit.policy.base import ScratchPolicy
-from transferkit.policy.match import Match, angle_pairs
-from transferkit.spec import IOSpec
+from transferkit.policy.match import angle_pairs
 from transferkit.streams import Streams
+
+if TYPE_CHECKING:
+    from transferkit.nn import Architecture, EnsembleArchitecture
+    from transferkit.policy.match import Match
+    from transferkit.spec import IOSpec
 
 
 @dataclass(frozen=True)

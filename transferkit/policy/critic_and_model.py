@@ -3,30 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from transferkit.config import DynaConfig, ModelConfig
 from transferkit.nn import (
     Critic,
     Dynamics,
     Ensemble,
     EnsembleArchitecture,
-    EnsembleLinear,
     JointInput,
     Linear,
-    Part,
     ResidualLinear,
 )
 from transferkit.policy.adapters import InputAdapter
-from transferkit.policy.base import Policy
-from transferkit.policy.core import Origin
 from transferkit.policy.match import angle_pairs
-from transferkit.policy.sandwich import Sandwich
-from transferkit.spec import IOSpec
+from transferkit.policy.wrapped_ensemble import WrappedEnsemble
+
+if TYPE_CHECKING:
+    from transferkit.config import DynaConfig, ModelConfig
+    from transferkit.policy.base import Policy
+    from transferkit.policy.core import Origin
+    from transferkit.spec import IOSpec
 
 
 def make_critic(
@@ -63,23 +63,6 @@ def make_dynamics(
     return Dynamics(inputs, ensemble, policy.obs_dim, [] if absolute else angle_pairs(spec), absolute=absolute)
 
 
-def learning_parts(module: nn.Module, policy: Policy) -> list[Part]:
-    """Collect all parameters of a critic or a model; those of a wrapped core learn at the rate of the policy's core."""
-    core = [p for child in module.modules() if isinstance(child, WrappedEnsemble) for p in child.core_parameters()]
-    known = {id(p) for p in core}
-    parts = [Part([p for p in module.parameters() if id(p) not in known])]
-    return [*parts, Part(core, policy.lr_scale.get("core", 1.0))] if core else parts
-
-
-def thaw(module: nn.Module, policy: Policy, progress: float) -> None:
-    """Let everything learn, but a wrapped core only when the policy's core may."""
-    module.requires_grad_(requires_grad=True)
-    if progress < policy.freeze.get("core", 0.0):
-        for child in module.modules():
-            if isinstance(child, WrappedEnsemble):
-                child.core.requires_grad_(requires_grad=False)
-
-
 class AdaptedInput(nn.Module):
     """Target observations and actions as the core's, by the policy's input adapter and actions mapped back, and as they are."""
 
@@ -102,35 +85,6 @@ class AdaptedInput(nn.Module):
         return torch.cat((adapted, self.direct(observation, action)), -1)
 
 
-class WrappedEnsemble(nn.Module):
-    """Hidden layers of a core's ensemble, a residual layer that starts as the identity, and a head; beside them a new ensemble.
-
-    The core sees no more of the target than its own source had. What the values and the changes of a larger robot depend on
-    besides, only a path around the core can learn (as the columns of Rusu et al. 2016).
-    """
-
-    def __init__(self, core: Ensemble, new: Ensemble, origin: Origin | None, generator: torch.Generator) -> None:
-        """Take the core's own head if the origin's adapters are matched, else a random one; `new` starts at zero."""
-        super().__init__()
-        members, width = core.architecture.members, core.architecture.hidden[-1]
-        self.core, self.new = core, new
-        self.finetune = EnsembleLinear(members, width, width)
-        matched = origin is not None and origin.match is not None
-        own = core.take_head()
-        self.head = own if matched else EnsembleLinear(members, width, new.architecture.out_dim, generator)
-        new.zero_head()
-
-    def forward(self, x: Tensor) -> Tensor:
-        """Compute outputs `(E, B, out_dim)` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for rows of its own each."""
-        adapted, direct = x.split((self.core.architecture.in_dim, self.new.architecture.in_dim), -1)
-        features = self.core.features(adapted)
-        return self.head(features + self.finetune(features)) + self.new(direct)
-
-    def core_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters of the hidden layers."""
-        return list(self.core.body.parameters())
-
-
 M = TypeVar("M", bound=nn.Module)
 
 
@@ -141,7 +95,7 @@ def _own(module: nn.Module, kind: type[M]) -> M:
 
 def _origin(policy: Policy, component: str, members: int) -> Origin | None:
     """Where the policy's core comes from, if it has this component with as many members."""
-    origin = policy.origin if isinstance(policy, Sandwich) else None
+    origin = policy.origin
     if origin is None or component not in origin.core.ensembles:
         return None
     return origin if origin.core.ensembles[component].members == members else None

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import gymnasium
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from transferkit.envs import Actor, make_env, rollout
+from transferkit.envs import make_env, rollout
 from transferkit.nn import MLP, gaussian
-from transferkit.policy.base import Policy
 from transferkit.streams import Streams
+
+if TYPE_CHECKING:
+    from transferkit.envs import Actor
+    from transferkit.policy.base import Policy
 
 DEAD = 1e-6
 """Least spread of a unit that counts as alive."""

@@ -16,12 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.spec import Element, IOSpec, Joint
+from transferkit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from transferkit.spec import Element, IOSpec, Joint
 
 PARALLEL = 0.99
 """Least cosine between axes that count as the same."""
@@ -102,6 +105,27 @@ def padded(source: IOSpec, target: IOSpec) -> Match:
     form = tuple("linear" if k < target.obs_dim else "none" for k in range(source.obs_dim))
     rows = [tuple(map(tuple, matrix.tolist())) for matrix in (weight, action)]
     return Match((), (), rows[0], (0.0,) * source.obs_dim, form, rows[1], {}, 1.0)
+
+
+def match_for(adapter: str, source: IOSpec, target: IOSpec) -> Match | None:
+    """Make the match that a kind of adapter asks for; None for a random one.
+
+    Raises:
+        ConfigError: a semantic adapter, and nothing matches.
+    """
+    if adapter == "random":
+        return None
+    if adapter == "pad":
+        return padded(source, target)
+    result = match(source, target)
+    if result.holds:
+        return result
+    if adapter == "semantic":
+        raise ConfigError(
+            f"wrap.adapter='semantic': nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
+            remedy="use {wrap.adapter=random}",
+        )
+    return None
 
 
 def explain(result: Match, source: IOSpec, target: IOSpec) -> str:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 
-from transferkit.config import WrapConfig
-from transferkit.nn import Linear, PolicyNet
+from transferkit.nn import Linear
 from transferkit.policy.base import Policy
-from transferkit.spec import IOSpec
+
+if TYPE_CHECKING:
+    from transferkit.config import WrapConfig
+    from transferkit.nn import PolicyNet
+    from transferkit.spec import IOSpec
 
 EPSILON = 1e-6
 """Added to the standard deviation before its logarithm."""

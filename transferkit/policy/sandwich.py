@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 
-from transferkit.config import WrapConfig
-from transferkit.nn import Linear, Normalizer, PolicyNet, ResidualLinear, gaussian, mlp
+from transferkit.nn import Linear, Normalizer, ResidualLinear, gaussian, mlp
 from transferkit.policy.adapters import InputAdapter, output_adapter
 from transferkit.policy.base import Policy
-from transferkit.policy.core import Origin
-from transferkit.policy.match import Match, explain
-from transferkit.spec import IOSpec
+from transferkit.policy.match import explain
+
+if TYPE_CHECKING:
+    from transferkit.config import WrapConfig
+    from transferkit.nn import PolicyNet
+    from transferkit.policy.core import Origin
+    from transferkit.policy.match import Match
+    from transferkit.spec import IOSpec
 
 
 class Sandwich(Policy):

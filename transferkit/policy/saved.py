@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import nn
 
+from transferkit.config import PRESETS, WrapConfig
 from transferkit.errors import RunDirectoryError
-from transferkit.nn import Ensemble, EnsembleArchitecture
-from transferkit.policy.base import Policy
-from transferkit.policy.wrap import build
+from transferkit.nn import Architecture, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
+from transferkit.policy.base import ConstantPolicy, ScratchPolicy
+from transferkit.policy.match import match_for
+from transferkit.policy.paper import PaperSandwich
+from transferkit.policy.sandwich import Sandwich
 from transferkit.run import POLICY, load_state
+from transferkit.spec import IOSpec
+
+if TYPE_CHECKING:
+    from transferkit.policy.base import Policy
 
 Component = tuple[EnsembleArchitecture, dict[str, torch.Tensor]]
 """Architecture and weights of an ensemble."""
@@ -62,6 +69,37 @@ def load_saved(run_dir: str | Path) -> dict[str, Any]:
     if not path.exists():
         raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
     return load_state(path)
+
+
+def build(blueprint: Mapping[str, Any]) -> Policy:
+    """Build the policy of a blueprint with zero weights; load its state dict next.
+
+    Raises:
+        KeyError, TypeError, ValueError: not a blueprint of this version.
+    """
+    if blueprint["kind"] == "constant":
+        return ConstantPolicy(blueprint["obs_dim"], blueprint["act_dim"])
+    if blueprint["kind"] == "scratch":
+        architecture = Architecture.from_json(blueprint["architecture"])
+        return ScratchPolicy.create(architecture, None, init_std=1.0, normalize=blueprint["normalize"])
+    network = PolicyNet(Architecture.from_json(blueprint["core"]))
+    specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
+    if blueprint["kind"] == "paper":
+        return PaperSandwich(network, specs, PRESETS["ppo"]["paper-v1"].wrap, None)
+    options = {name: blueprint[name] for name in ("tap", "adapter", "finetune", "residual")}
+    normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
+    config = WrapConfig(**options, lr_scale={}, init_std=1.0)
+    return Sandwich(network, normalizer, specs, config, match_for(config.adapter, *specs), None)
+
+
+def as_saved(policy: Policy) -> Policy:
+    """Copy a policy with memory of its own, as `load_policy` makes it.
+
+    Training keeps the weights as views of one buffer, and their alignment changes the last bits of an action.
+    """
+    copy = build(policy.blueprint())
+    copy.load_state_dict(policy.state_dict())
+    return copy
 
 
 def _architecture(module: nn.Module) -> dict[str, Any] | None:

@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
 from transferkit.record.reader import Transitions, check_finite, read, read_transitions, spec_of
-from transferkit.spec import IOSpec
+
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
 LOGGER = logging.getLogger("transferkit")
 

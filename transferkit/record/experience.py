@@ -7,14 +7,16 @@ import logging
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from transferkit.record.datasets import SCHEME, read_minari
 from transferkit.record.mapping import load_mapping, read_mapped
 from transferkit.record.reader import Transitions, read_transitions
-from transferkit.spec import IOSpec
+
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
 LOGGER = logging.getLogger("transferkit")
 

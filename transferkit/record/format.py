@@ -9,9 +9,10 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from transferkit.spec import IOSpec
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
 VERSION = "1"
 """Of this format."""

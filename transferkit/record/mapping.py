@@ -25,7 +25,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import orjson
@@ -36,7 +36,9 @@ from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
 from transferkit.record.reader import CutError, Transitions, check_finite, records
-from transferkit.spec import IOSpec
+
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
 REQUIRED, OPTIONAL = ("observation", "action", "reward"), ("terminated", "truncated")
 

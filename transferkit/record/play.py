@@ -8,22 +8,25 @@ from contextlib import closing
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from transferkit.envs import Simulation, Transition, derive_spec, make_env, open_simulation, rollout
+from transferkit.envs import derive_spec, make_env, open_simulation, rollout
 from transferkit.errors import RecordingError, TransferkitError
-from transferkit.nn import Value
-from transferkit.policy import Policy
 from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
 from transferkit.record.state import integration_state, named_parts, state_size
 from transferkit.record.writer import Recorder, Steps
 from transferkit.streams import Streams
 from transferkit.versions import command, versions
+
+if TYPE_CHECKING:
+    from transferkit.envs import Simulation, Transition
+    from transferkit.nn import Value
+    from transferkit.policy.base import Policy
 
 ROWS = 250
 """Steps that are encoded together; what enters and leaves the core is computed for all of them at once."""

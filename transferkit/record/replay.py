@@ -8,20 +8,24 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs import Simulation, make_env, open_simulation
+from transferkit.envs import make_env, open_simulation
 from transferkit.errors import RecordingError
 from transferkit.record.format import Names
-from transferkit.record.reader import Contents, read, spec_of
+from transferkit.record.reader import read, spec_of
 from transferkit.record.state import FULL_STATE, integration_state, state_size
 from transferkit.streams import Streams
 from transferkit.versions import versions
+
+if TYPE_CHECKING:
+    from transferkit.envs import Simulation
+    from transferkit.record.reader import Contents
 
 PHYSICS = ("mujoco", "gymnasium", "dm-control", "shimmy", "numpy")
 """Packages whose version can change a trajectory."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs import Simulation
+if TYPE_CHECKING:
+    from transferkit.envs import Simulation
 
 FULL_STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 

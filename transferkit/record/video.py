@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import imageio_ffmpeg
 
-from transferkit.record.replay import OnFrame
+if TYPE_CHECKING:
+    from transferkit.record.replay import OnFrame
 
 FPS = 30.0
 """The most frames a second of simulated time."""

@@ -10,7 +10,7 @@ from contextlib import nullcontext, suppress
 from itertools import accumulate
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import orjson
@@ -21,7 +21,10 @@ from foxglove.messages import FrameTransforms, SceneUpdate
 from numpy.typing import NDArray
 
 from transferkit.errors import NotFiniteError, RecordingError
-from transferkit.record.format import ABOUT, EPISODE, SCENE, STEP, TRANSFORMS, Names, schema
+from transferkit.record.format import ABOUT, EPISODE, SCENE, STEP, TRANSFORMS, schema
+
+if TYPE_CHECKING:
+    from transferkit.record.format import Names
 
 logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # it warns of every message that a full disk refuses
 

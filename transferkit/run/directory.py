@@ -9,13 +9,16 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from transferkit.errors import RunDirectoryError, RunInUseError
 from transferkit.files import read_json, write_json, writing
 from transferkit.run.state_file import load_state, save_state
-from transferkit.run.tables import ALWAYS, TABLES, Row
+from transferkit.run.tables import ALWAYS, TABLES
 from transferkit.versions import command, git_state, versions
+
+if TYPE_CHECKING:
+    from transferkit.run.tables import Row
 
 RECORD, CHECKPOINT, POLICY, RESULT = "run.json", "checkpoint.safetensors", "policy.safetensors", "result.json"
 LOCK = ".lock"
@@ -142,6 +145,15 @@ class RunDirectory:
 
     def _table_path(self, kind: type[Row]) -> Path:
         return self.path / f"{kind.table}.csv"
+
+
+def read_record(run: Path) -> dict[str, Any]:
+    """Read the configuration that a run was started with, and what else its record says of it.
+
+    Raises:
+        RunDirectoryError: there is no run, or its record is damaged.
+    """
+    return read_json(run / RECORD)["config"]
 
 
 def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> None:

@@ -7,16 +7,19 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from transferkit.budget import Budget, Spent
+from transferkit.budget import Spent
 from transferkit.errors import InterruptedRunError, NotFiniteError
-from transferkit.run.directory import RunDirectory
 from transferkit.run.scalars import ScalarLog
 from transferkit.run.stop_signals import StopRequest, stop_signals
 from transferkit.run.tables import EpisodeRow, EvaluationRow
+
+if TYPE_CHECKING:
+    from transferkit.budget import Budget
+    from transferkit.run.directory import RunDirectory
 
 RECENT = 50
 """Episodes in the running mean that progress shows; the paper's window."""

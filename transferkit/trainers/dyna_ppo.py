@@ -8,24 +8,32 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import nn
 
-from transferkit.config import TrainConfig
-from transferkit.envs import VectorEnv
 from transferkit.errors import ConfigError
 from transferkit.nn import PartAdam
-from transferkit.policy import Policy, learning_parts, make_dynamics, thaw
-from transferkit.run import Session
-from transferkit.spec import IOSpec
-from transferkit.streams import Streams
-from transferkit.trainers.dyna import ImaginedEnv, ReplayBuffer, diagnose, fit
-from transferkit.trainers.loop import Metrics, Observation
-from transferkit.trainers.ppo import PPO, RolloutRule, collect
+from transferkit.policy.critic_and_model import make_dynamics
+from transferkit.policy.wrapped_ensemble import learning_parts, thaw
+from transferkit.trainers.dyna.diagnostics import diagnose
+from transferkit.trainers.dyna.fit import fit
+from transferkit.trainers.dyna.imagined_env import ImaginedEnv
+from transferkit.trainers.dyna.replay import ReplayBuffer
+from transferkit.trainers.ppo.algorithm import PPO
+from transferkit.trainers.ppo.rollout import RolloutRule, collect
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+    from transferkit.envs import VectorEnv
+    from transferkit.policy.base import Policy
+    from transferkit.run import Session
+    from transferkit.spec import IOSpec
+    from transferkit.streams import Streams
+    from transferkit.trainers.loop import Metrics, Observation
 
 
 class DynaPPOTrainer:

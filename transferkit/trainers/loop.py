@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
-from transferkit.envs import VectorEnv
-from transferkit.run import Session
+if TYPE_CHECKING:
+    from transferkit.envs import VectorEnv
+    from transferkit.run import Session
 
 Observation = NDArray[np.float32]
 """What the next actions are chosen from, `(num_envs, obs_dim)`."""

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import gymnasium
 import torch
 from numpy.typing import NDArray
 
-from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec
-from transferkit.policy import Policy
-from transferkit.streams import Streams
-from transferkit.trainers.dyna import Batch, DynaTrainer
-from transferkit.trainers.loop import Trainer
+from transferkit.trainers.dyna.replay import Batch
+from transferkit.trainers.dyna.trainer import DynaTrainer
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+    from transferkit.policy.base import Policy
+    from transferkit.streams import Streams
+    from transferkit.trainers.loop import Trainer
 
 
 def make_trainer(
@@ -26,7 +30,7 @@ def make_trainer(
 ) -> Trainer:
     """Make the trainer of `config.algo` around a policy; `prior` are the arrays of a `Batch`, to learn from at first."""
     if config.algo == "ppo":
-        from transferkit.trainers.ppo import PPOTrainer  # noqa: PLC0415 - rsl_rl takes seconds to import
+        from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415 - rsl_rl takes seconds to import
 
         return PPOTrainer(policy, config, streams, device)
     spec = derive_spec(make_env())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import safetensors
 import safetensors.torch
@@ -13,11 +14,14 @@ from torch import Tensor
 from transferkit.errors import ArtifactError
 from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, EnsembleArchitecture
-from transferkit.policy import Core
+from transferkit.policy.core import Core
 from transferkit.streams import Streams
-from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, Card, ComponentCard, read_card, sha256
+from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card, sha256
 from transferkit.zoo.catalog import find_core
 from transferkit.zoo.readme import render
+
+if TYPE_CHECKING:
+    from transferkit.zoo.card import Card
 
 ENSEMBLES = ("critic", "dynamics")
 """Optional components of a core, each a method of `Core`."""

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import core_zoo
 from transferkit.errors import UnknownNameError
-from transferkit.zoo.card import CARD, Card, read_card
+from transferkit.zoo.card import CARD, read_card
+
+if TYPE_CHECKING:
+    from transferkit.zoo.card import Card
 
 ZOO_PATH = "TRANSFERKIT_ZOO"
 """Environment variable with more zoo folders, separated like PATH; they come before the installed zoo."""
@@ -40,6 +44,16 @@ def find_core(name: str | Path) -> Path:
     if (Path(name) / CARD).exists():
         return Path(name)
     raise UnknownNameError("core", str(name), list(folders), topic="cores")
+
+
+def find_card(name: str | Path) -> Card:
+    """Read the card of a core by id or by path.
+
+    Raises:
+        UnknownNameError: there is no such core.
+        ArtifactError: its card is damaged, tampered with, or too new.
+    """
+    return read_card(find_core(name))
 
 
 def list_cards() -> list[Card]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from transferkit.zoo.card import Card
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from transferkit.zoo.card import Card
 
 
 def render(card: Card) -> str:

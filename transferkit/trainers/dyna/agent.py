@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from transferkit.config import DynaConfig, ModelConfig
-from transferkit.envs import Step
-from transferkit.nn import Critic, Dynamics, Part, PartAdam, flatten
-from transferkit.policy import Policy, learning_parts, thaw
-from transferkit.streams import Streams
+from transferkit.nn import Part, PartAdam, flatten
+from transferkit.policy.wrapped_ensemble import learning_parts, thaw
 from transferkit.trainers.dyna.fit import fit
 from transferkit.trainers.dyna.imagine import imagine, novelty
 from transferkit.trainers.dyna.losses import actor_loss, critic_loss, td_target
-from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
+from transferkit.trainers.dyna.replay import ReplayBuffer
+
+if TYPE_CHECKING:
+    from transferkit.config import DynaConfig, ModelConfig
+    from transferkit.envs import Step
+    from transferkit.nn import Critic, Dynamics
+    from transferkit.policy.base import Policy
+    from transferkit.streams import Streams
+    from transferkit.trainers.dyna.replay import Batch
 
 LONGEST_WARM_UP = 10
 """Times `random_steps`."""

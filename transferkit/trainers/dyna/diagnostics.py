@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor
 
-from transferkit.nn import Dynamics
-from transferkit.run import ModelRow
+from transferkit.run.tables import ModelRow
 from transferkit.trainers.dyna.imagine import disagreement
-from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
+
+if TYPE_CHECKING:
+    from transferkit.nn import Dynamics
+    from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
 
 EVERY = 250
 """Environment steps between diagnoses, and transitions in each."""

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 
-from transferkit.config import ModelConfig
-from transferkit.nn import Dynamics, PartAdam
 from transferkit.trainers.dyna.losses import dynamics_loss, squared_error_loss
-from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
+from transferkit.trainers.dyna.replay import Batch
+
+if TYPE_CHECKING:
+    from transferkit.config import ModelConfig
+    from transferkit.nn import Dynamics, PartAdam
+    from transferkit.trainers.dyna.replay import ReplayBuffer
 
 HOLDOUT = 0.1
 """Share of the transitions that only decide when to stop."""

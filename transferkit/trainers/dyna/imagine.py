@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
-from transferkit.config import DynaConfig
-from transferkit.nn import Dynamics, Prediction
-from transferkit.policy import Policy
-from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
+from transferkit.trainers.dyna.replay import Batch
+
+if TYPE_CHECKING:
+    from transferkit.config import DynaConfig
+    from transferkit.nn import Dynamics, Prediction
+    from transferkit.policy.base import Policy
+    from transferkit.trainers.dyna.replay import ReplayBuffer
 
 
 @torch.no_grad()

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from transferkit.envs import Step
-from transferkit.nn import Dynamics
-from transferkit.trainers.dyna.replay import ReplayBuffer
+
+if TYPE_CHECKING:
+    from transferkit.nn import Dynamics
+    from transferkit.trainers.dyna.replay import ReplayBuffer
 
 
 class ImaginedEnv:

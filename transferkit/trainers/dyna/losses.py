@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import torch
 from torch import Tensor
 from torch.nn import functional
 
-from transferkit.nn import Critic, Dynamics
-from transferkit.policy import Policy
-from transferkit.trainers.dyna.replay import Batch
+if TYPE_CHECKING:
+    from transferkit.nn import Critic, Dynamics
+    from transferkit.policy.base import Policy
+    from transferkit.trainers.dyna.replay import Batch
 
 
 @torch.no_grad()

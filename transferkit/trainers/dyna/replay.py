@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from transferkit.envs import Step
+if TYPE_CHECKING:
+    from transferkit.envs import Step
 
 FIRST_CAPACITY = 1024
 """Rows allocated at first; doubled when they are full."""

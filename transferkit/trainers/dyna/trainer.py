@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import nn
 
-from transferkit.config import TrainConfig
-from transferkit.envs import VectorEnv
 from transferkit.errors import DivergedError
-from transferkit.policy import Policy, make_critic, make_dynamics
-from transferkit.run import Session
-from transferkit.spec import IOSpec
-from transferkit.streams import Streams
+from transferkit.policy.critic_and_model import make_critic, make_dynamics
 from transferkit.trainers.dyna.agent import Agent
 from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
-from transferkit.trainers.dyna.replay import Batch
-from transferkit.trainers.loop import Metrics, Observation
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+    from transferkit.envs import VectorEnv
+    from transferkit.policy.base import Policy
+    from transferkit.run import Session
+    from transferkit.spec import IOSpec
+    from transferkit.streams import Streams
+    from transferkit.trainers.dyna.replay import Batch
+    from transferkit.trainers.loop import Metrics, Observation
 
 EXCESS = 10.0
 """A value this many times the largest possible return has diverged."""

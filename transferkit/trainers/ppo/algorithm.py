@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # rsl_rl imports git, which raises if there is no git binary
 
@@ -15,13 +15,15 @@ from gymnasium.wrappers.utils import RunningMeanStd
 from numpy.typing import NDArray
 from torch import Tensor
 
-from transferkit.config import NetworkConfig, PPOConfig
-from transferkit.envs import Step
 from transferkit.nn import Part, PartAdam, gaussian
-from transferkit.policy import Policy
-from transferkit.streams import Streams
 from transferkit.trainers.ppo.models import Actor, Critic
 from transferkit.trainers.ppo.storage import Storage
+
+if TYPE_CHECKING:
+    from transferkit.config import NetworkConfig, PPOConfig
+    from transferkit.envs import Step
+    from transferkit.policy.base import Policy
+    from transferkit.streams import Streams
 
 STEP_DECAY_EPISODES, STEP_DECAY = 100, 0.9
 """The paper's StepLR, per episode."""
@@ -105,7 +107,7 @@ class PPO(rsl_rl.algorithms.PPO):
         reward = torch.from_numpy(self._scale(step)).to(self.device)
         if self.config.bootstrap_timeouts and step.truncated.any():
             final_value = self.values.value(torch.from_numpy(step.final_observation).to(self.device)).squeeze(-1)
-            reward += self.gamma * final_value * torch.from_numpy(step.truncated).to(self.device)
+            reward = reward + self.gamma * final_value * torch.from_numpy(step.truncated).to(self.device)
         self.process_env_step(cast("Any", None), reward, torch.from_numpy(step.done).to(self.device), {})
 
     @torch.no_grad()

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
 
 from transferkit.nn import StateCritic, gaussian
-from transferkit.policy import Policy
 from transferkit.trainers.ppo.storage import Minibatch
+
+if TYPE_CHECKING:
+    from transferkit.policy.base import Policy
 
 
 class Model(nn.Module):

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from transferkit.config import PPOConfig
-from transferkit.envs import Count, Step
-from transferkit.run import Session
-from transferkit.trainers.ppo.algorithm import PPO
+if TYPE_CHECKING:
+    from transferkit.config import PPOConfig
+    from transferkit.envs import Count, Step
+    from transferkit.run import Session
+    from transferkit.trainers.ppo.algorithm import PPO
 
 LONGEST, LONGEST_SHARE = 2048, 0.05
 """Steps, and share of the budget, after which an adaptive rollout waits no more for the end of an episode."""

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import nn
 
-from transferkit.config import TrainConfig
-from transferkit.envs import VectorEnv
-from transferkit.policy import Policy
-from transferkit.run import Session
-from transferkit.streams import Streams
-from transferkit.trainers.loop import Metrics, Observation
 from transferkit.trainers.ppo.algorithm import PPO
 from transferkit.trainers.ppo.rollout import RolloutRule, collect
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+    from transferkit.envs import VectorEnv
+    from transferkit.policy.base import Policy
+    from transferkit.run import Session
+    from transferkit.streams import Streams
+    from transferkit.trainers.loop import Metrics, Observation
 
 
 class PPOTrainer:

@@ -1,24 +1,30 @@
-"""`wrap`: a core and an environment to a policy, and `build`: a policy from what a run directory holds."""
+"""Making policies: around a core (`wrap`), and from scratch (`scratch_policy`)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
+import torch
 
-from transferkit.config import PRESETS, WrapConfig, preset_version
-from transferkit.envs import derive_spec
-from transferkit.errors import ConfigError, DimensionError, UnknownNameError
-from transferkit.nn import Architecture, Normalizer, PolicyNet
-from transferkit.policy.base import ConstantPolicy, Policy, ScratchPolicy
-from transferkit.policy.core import Core, Origin
-from transferkit.policy.match import Match, match, padded
+from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_version
+from transferkit.envs import derive_spec, dims, make_env
+from transferkit.errors import DimensionError, UnknownNameError
+from transferkit.nn import Architecture
+from transferkit.policy.base import ScratchPolicy
+from transferkit.policy.core import Origin
+from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
 from transferkit.spec import IOSpec
 from transferkit.streams import Streams
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+    from transferkit.policy.base import Policy
+    from transferkit.policy.core import Core
 
 SEEDED = ("input_adapter", "output_adapter", "residual")
 """Parts that draw their first weights, each from a stream of its own."""
@@ -58,39 +64,41 @@ def wrap(
     generators = {name: Streams(seed).torch(f"{name} initialisation") for name in SEEDED}
     if config.structure == "paper":
         return PaperSandwich(network, (source, target), config, generators)
-    matched = _match(config, source, target)
+    matched = match_for(config.adapter, source, target)
     return Sandwich(network, normalizer, (source, target), config, matched, generators, origin=Origin(core, member, matched))
 
 
-def build(blueprint: Mapping[str, Any]) -> Policy:
-    """Build the policy of a blueprint with zero weights; load its state dict next.
+def new_policy(config: TrainConfig, core: Core | None) -> Policy:
+    """Make the policy that a configuration describes."""
+    if core is not None:
+        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed)
+    return scratch_policy(config.env, config.network, seed=config.seed)
+
+
+def scratch_policy(env: str | gymnasium.Env, network: NetworkConfig | None = None, *, seed: int = 0) -> ScratchPolicy:
+    """Make a new network for an environment, without a core.
+
+    Args:
+        env: an id, or an environment of your own.
+        network: its layers, deviation and initialisation; by default those of PPO's newest preset.
+        seed: of the initial weights; with the seed of `train` it is the network that a run from scratch begins with.
 
     Raises:
-        KeyError, TypeError, ValueError: not a blueprint of this version.
+        UnknownNameError: no environment has this id.
+        EnvironmentContractError: the environment's spaces do not fit.
     """
-    if blueprint["kind"] == "constant":
-        return ConstantPolicy(blueprint["obs_dim"], blueprint["act_dim"])
-    if blueprint["kind"] == "scratch":
-        architecture = Architecture.from_json(blueprint["architecture"])
-        return ScratchPolicy.create(architecture, None, init_std=1.0, normalize=blueprint["normalize"])
-    network = PolicyNet(Architecture.from_json(blueprint["core"]))
-    specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
-    if blueprint["kind"] == "paper":
-        return PaperSandwich(network, specs, PRESETS["ppo"]["paper-v1"].wrap, None)
-    options = {name: blueprint[name] for name in ("tap", "adapter", "finetune", "residual")}
-    normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
-    config = WrapConfig(**options, lr_scale={}, init_std=1.0)
-    return Sandwich(network, normalizer, specs, config, _match(config, *specs), None)
+    made = make_env(env)
+    obs_dim, act_dim = dims(made)
+    if isinstance(env, str):
+        made.close()
+    return _scratch(obs_dim, act_dim, network or NetworkConfig(), Streams(seed).torch("policy initialisation"))
 
 
-def as_saved(policy: Policy) -> Policy:
-    """Copy a policy with memory of its own, as `load_policy` makes it.
-
-    Training keeps the weights as views of one buffer, and their alignment changes the last bits of an action.
-    """
-    copy = build(policy.blueprint())
-    copy.load_state_dict(policy.state_dict())
-    return copy
+def _scratch(obs_dim: int, act_dim: int, config: NetworkConfig, generator: torch.Generator) -> ScratchPolicy:
+    architecture = Architecture(
+        obs_dim, act_dim, config.hidden, config.activation, config.std, config.initialization, config.squash
+    )
+    return ScratchPolicy.create(architecture, generator, init_std=config.init_std, normalize=config.normalize_observation)
 
 
 def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:
@@ -99,22 +107,6 @@ def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:
         if name not in known:
             raise UnknownNameError("option of wrap", name, list(known))
     return replace(config, **options)
-
-
-def _match(config: WrapConfig, source: IOSpec, target: IOSpec) -> Match | None:
-    if config.adapter == "random":
-        return None
-    if config.adapter == "pad":
-        return padded(source, target)
-    result = match(source, target)
-    if result.holds:
-        return result
-    if config.adapter == "semantic":
-        raise ConfigError(
-            f"wrap.adapter='semantic': nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
-            remedy="use {wrap.adapter=random}",
-        )
-    return None
 
 
 def _check_dims(architecture: Architecture, source: IOSpec, core_id: str) -> None:
