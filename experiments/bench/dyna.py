@@ -21,12 +21,13 @@ from experiments.bench.timing import seconds
 from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import derive_spec, make_env
 from transferkit.nn import Dynamics
-from transferkit.policy import make_critic, make_dynamics, new_policy
+from transferkit.policy.critic_and_model import make_critic, make_dynamics
+from transferkit.policy.make import new_policy
 from transferkit.streams import Streams
-from transferkit.trainers.dyna import Batch
 from transferkit.trainers.dyna.agent import Agent
 from transferkit.trainers.dyna.imagine import imagine
 from transferkit.trainers.dyna.losses import dynamics_loss
+from transferkit.trainers.dyna.replay import Batch
 
 ENV, OBS, ACT, WIDTH, BATCH, UPDATES = "Hopper-v5", 11, 3, 128, 128, 20
 MODEL_BATCH, MODEL_MEMBERS, ROLLOUTS = 256, 5, 1280

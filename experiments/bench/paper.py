@@ -8,12 +8,16 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 
-from transferkit.config import Algorithm, TrainConfig
-from transferkit.result import Result
+from transferkit.config import TrainConfig
 from transferkit.training import run_training
+
+if TYPE_CHECKING:
+    from transferkit.config import Algorithm
+    from transferkit.run.result import Result
 
 IDP, HOPPER = "InvertedDoublePendulum-v5", "Hopper-v5"
 PAPER = {"PPO": 5.0, "PPOPT": 5.5, "DYNA-DDPG": 161.0}

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import gymnasium
 import torch
@@ -15,10 +16,14 @@ import torch
 from experiments.bench.timing import spread
 from transferkit.envs import derive_spec, make_env
 from transferkit.evaluation import evaluate
-from transferkit.record import Subject, read_transitions, record_episodes
-from transferkit.spec import IOSpec
+from transferkit.record.play import record_episodes
+from transferkit.record.reader import read_transitions
 from transferkit.subject import load_subject
-from transferkit.trainers.dyna import Batch, ReplayBuffer
+from transferkit.trainers.dyna.replay import Batch, ReplayBuffer
+
+if TYPE_CHECKING:
+    from transferkit.record.play import Subject
+    from transferkit.spec import IOSpec
 
 CORE = "inverted-pendulum-v1"
 

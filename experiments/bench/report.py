@@ -7,12 +7,12 @@ import sys
 import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 
 from experiments.bench.timing import seconds
-from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import CELL, CELLS, SCORES, SPEED
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import read_results
@@ -22,6 +22,9 @@ from transferkit.run.directory import POLICY, RECORD, RESULT
 from transferkit.run.state_file import save_state
 from transferkit.run.tables import ALWAYS
 from transferkit.versions import versions
+
+if TYPE_CHECKING:
+    from experiments.matrix.cell import Cell
 
 GRID = """
 episodes = 200

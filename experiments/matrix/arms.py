@@ -13,7 +13,10 @@ import torch
 from torch import nn
 
 from transferkit.config import TrainConfig
-from transferkit.policy import ConstantPolicy, Core, Policy, new_policy, play
+from transferkit.policy.base import ConstantPolicy, Policy
+from transferkit.policy.core import Core
+from transferkit.policy.health import play
+from transferkit.policy.make import new_policy
 
 PROBE_STEPS = 500
 """Random steps in the target that measure the scale of a policy's actions."""

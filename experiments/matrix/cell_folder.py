@@ -9,19 +9,22 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.matrix.cell import Cell
 from experiments.matrix.run_table import columns
-from experiments.matrix.table import NAN, VERSIONS, Row
+from experiments.matrix.table import NAN, VERSIONS
 from transferkit.config import TrainConfig
 from transferkit.errors import RunDirectoryError, TransferkitError
 from transferkit.files import read_json, write_atomically
 from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT
 from transferkit.run.state_file import check_state
 from transferkit.run.tables import ALWAYS
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
 
 CELLS, SET_ASIDE = "cells", "damaged"
 CELL, ERROR, SPEED = "cell.json", "error.json", "speed.json"

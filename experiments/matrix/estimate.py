@@ -9,16 +9,19 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.matrix.cell import Cell
 from experiments.matrix.run_table import columns
-from experiments.matrix.table import Row
-from transferkit.config import TrainConfig
 from transferkit.envs import episode_limit, make_env
 from transferkit.table import format_table
 from transferkit.training import run_training
+
+if TYPE_CHECKING:
+    from experiments.matrix.cell import Cell
+    from experiments.matrix.table import Row
+    from transferkit.config import TrainConfig
 
 TRIAL_SECONDS = 3.0
 """Training time of a trial, if no finished run tells how long one takes."""

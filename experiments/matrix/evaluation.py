@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
-from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import SPEED
-from transferkit.config import TrainConfig
-from transferkit.envs import Actor, dims, make_env, rollout
+from transferkit.envs import dims, make_env, rollout
 from transferkit.evaluation import POOL, RandomPolicy, ZeroPolicy, evaluate
 from transferkit.files import write_json
 from transferkit.run.directory import RECORD, RESULT
 from transferkit.streams import Streams
 from transferkit.versions import git_state, versions
+
+if TYPE_CHECKING:
+    from experiments.matrix.cell import Cell
+    from transferkit.config import TrainConfig
+    from transferkit.envs import Actor
 
 REPORTED = "x_velocity"
 """Key under which Gymnasium's environments report their forward speed in m/s."""

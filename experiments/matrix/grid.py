@@ -8,15 +8,19 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER
 from experiments.matrix.cell import Cell
 from transferkit.budget import Budget
-from transferkit.config import SECTIONS, Algorithm, TrainConfig, with_settings
+from transferkit.config import SECTIONS, TrainConfig, with_settings
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, SettingError, TransferkitError, UnknownNameError
-from transferkit.policy import Core
 from transferkit.zoo.artifact import load_core
+
+if TYPE_CHECKING:
+    from transferkit.config import Algorithm
+    from transferkit.policy.core import Core
 
 DISTINCT = {"frozen", "padded"}
 """Arms whose sandwiches have other options than the transfer's, so that each can be refused by itself."""

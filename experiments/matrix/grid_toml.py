@@ -6,12 +6,14 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import TYPE_CHECKING, Any, TypeGuard
 
-from experiments.matrix.cell import Cell
 from experiments.matrix.grid import Grid, GridError, Trainer, add, at, check_names
 from experiments.matrix.table import ambiguity
 from transferkit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from experiments.matrix.cell import Cell
 
 MOST = 10_000
 """Seeds, or members, of a grid."""

@@ -11,11 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import SPEED, folder, pack, unpack
 from transferkit.errors import ConfigError
+
+if TYPE_CHECKING:
+    from experiments.matrix.cell import Cell
 
 RETRIES = 20
 """Times a run is given to another worker when its own is lost with its machine."""

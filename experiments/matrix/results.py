@@ -10,10 +10,14 @@ import csv
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments.matrix.cell_folder import CELLS, DamagedError, cell_folders, read_cell
-from experiments.matrix.table import CURVE_COLUMNS, Row, read_rows, write_csv, write_rows
+from experiments.matrix.table import CURVE_COLUMNS, read_rows, write_csv, write_rows
 from transferkit.errors import RunDirectoryError
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
 
 TABLE, EVALUATIONS, KNOWN = "cells.csv", "evaluations.csv", "known"
 

@@ -13,26 +13,31 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import torch
 
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE
-from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import CELL, CELLS, ERROR, folder, set_aside
 from experiments.matrix.estimate import plan
 from experiments.matrix.evaluation import actor_without_policy, evaluate_untrained, write_speed
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.ray_pool import connect, ray_pool
-from experiments.matrix.results import TABLE, Results, collect, read_results
-from transferkit.config import TrainConfig
-from transferkit.envs import Actor
+from experiments.matrix.results import TABLE, collect, read_results
 from transferkit.errors import ConfigError, InterruptedRunError, RunInUseError
 from transferkit.files import read_json, write_json
-from transferkit.policy import Policy, load_policy
+from transferkit.policy.saved import load_policy
 from transferkit.run.directory import RESULT
 from transferkit.training import run_training
 from transferkit.workers import GRACE, import_beside, worker_pool
 from transferkit.zoo.artifact import load_core
+
+if TYPE_CHECKING:
+    from experiments.matrix.cell import Cell
+    from experiments.matrix.results import Results
+    from transferkit.config import TrainConfig
+    from transferkit.envs import Actor
+    from transferkit.policy.base import Policy
 
 PATIENCE = 2 * GRACE
 """Seconds to wait for a run that another process is writing."""

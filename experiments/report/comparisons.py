@@ -7,18 +7,24 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
-from experiments.matrix.table import Row
-from experiments.report.curves import Arm, Array
+from experiments.report.curves import Arm
 from experiments.report.references import best
-from experiments.report.verdict import SCRATCH, TRANSFER, Verdict, judge
+from experiments.report.verdict import SCRATCH, TRANSFER, judge
 from transferkit import stats
 from transferkit.errors import UnknownNameError
-from transferkit.zoo.card import Card, read_card
+from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import find_core
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+    from experiments.report.curves import Array
+    from experiments.report.verdict import Verdict
+    from transferkit.zoo.card import Card
 
 
 @dataclass(frozen=True, eq=False)

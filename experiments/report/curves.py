@@ -6,14 +6,17 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.matrix.run_table import columns
-from experiments.matrix.table import Row
 from transferkit import stats
 from transferkit.errors import DivergedError, NotFiniteError
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
 
 POINTS = 80
 """Of a learning curve in the page."""

@@ -5,18 +5,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, ZERO_ACTION
-from experiments.report.comparisons import Group
-from experiments.report.curves import Arm, Array, Curve
-from experiments.report.matrix import Matrix
 from experiments.report.verdict import TRANSFER
 from transferkit import stats
 from transferkit.plots import COLOURS
+
+if TYPE_CHECKING:
+    from experiments.report.comparisons import Group
+    from experiments.report.curves import Arm, Array, Curve
+    from experiments.report.matrix import Matrix
 
 DASHES = ("-", "--", ":")
 """With the colours, enough styles for fifteen lines; dashes also tell lines apart in grey."""

@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments.matrix.cell_folder import CELL, CELLS
-from experiments.matrix.results import Results, read_results
-from experiments.matrix.table import VERSIONS, Row, ambiguity
-from experiments.report.comparisons import Group, compare
+from experiments.matrix.results import read_results
+from experiments.matrix.table import VERSIONS, ambiguity
+from experiments.report.comparisons import compare
 from transferkit.errors import RunDirectoryError
 from transferkit.files import read_json
+
+if TYPE_CHECKING:
+    from experiments.matrix.results import Results
+    from experiments.matrix.table import Row
+    from experiments.report.comparisons import Group
 
 
 @dataclass(frozen=True)

@@ -7,19 +7,22 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 from plotly.offline import get_plotlyjs
 
 from experiments.matrix.arms import UNTRAINED
-from experiments.matrix.table import Row
-from experiments.report.comparisons import Group
-from experiments.report.curves import AXES, EVALUATIONS, WINDOWS, Arm
-from experiments.report.matrix import Matrix
+from experiments.report.curves import AXES, EVALUATIONS, WINDOWS
 from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows
 from experiments.report.verdict import NEGATIVE, NONE, POSITIVE
 from transferkit.files import write_atomically
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+    from experiments.report.comparisons import Group
+    from experiments.report.curves import Arm
+    from experiments.report.matrix import Matrix
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 SIGNS = {POSITIVE: "+", NEGATIVE: "-", NONE: "○"}

@@ -5,14 +5,18 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE
-from experiments.report.comparisons import Group, card_of
-from experiments.report.curves import Arm, Array, Key
+from experiments.report.comparisons import card_of
 from experiments.report.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
+
+if TYPE_CHECKING:
+    from experiments.report.comparisons import Group
+    from experiments.report.curves import Arm, Array, Key
 
 TableRow = Mapping[str, object]
 """A line of a table by column."""

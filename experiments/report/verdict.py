@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.stats import Difference
+
+if TYPE_CHECKING:
+    from transferkit.stats import Difference
 
 TRANSFER, SCRATCH = "transfer", "scratch"
 CONTROLS = ("random", "random-matched", "shuffled")

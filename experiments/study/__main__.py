@@ -9,10 +9,14 @@ import argparse
 import difflib
 import sys
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from experiments.study.readme import render
-from experiments.study.rooms import Study, find, names
+from experiments.study.rooms import find, names
 from transferkit.errors import TransferkitError
+
+if TYPE_CHECKING:
+    from experiments.study.rooms import Study
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

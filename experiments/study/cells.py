@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.matrix.table import Row
-from experiments.report.curves import Array
 from experiments.study.rooms import Study
 from transferkit import stats
-from transferkit.stats import Difference
+
+if TYPE_CHECKING:
+    from experiments.report.curves import Array
+    from transferkit.stats import Difference
 
 Cell = Callable[[Study, Sequence[Row], Sequence[Row]], str]
 """From a study, the runs of the cell, and the runs that they are compared with, none by default."""

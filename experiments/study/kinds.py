@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
-from experiments.matrix.table import Row
-from experiments.report.comparisons import Group
 from experiments.report.tables import arm_rows, mean_interval
 from experiments.report.verdict import NONE, SCRATCH, TRANSFER, paired
 from experiments.study.cells import CELLS, by_member, difference, interval, whole
-from experiments.study.rooms import Study, StudyError
+from experiments.study.rooms import StudyError
 from transferkit import stats
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+    from experiments.report.comparisons import Group
+    from experiments.study.rooms import Study
 
 Lines = list[list[str]]
 """A table: its header, then its rows."""

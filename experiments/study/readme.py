@@ -8,9 +8,14 @@ from __future__ import annotations
 
 import re
 import tomllib
+from typing import TYPE_CHECKING
 
-from experiments.study.kinds import KINDS, Lines
-from experiments.study.rooms import Study, StudyError
+from experiments.study.kinds import KINDS
+from experiments.study.rooms import StudyError
+
+if TYPE_CHECKING:
+    from experiments.study.kinds import Lines
+    from experiments.study.rooms import Study
 
 TABLE = re.compile(r"(<!-- table\n(?P<spec>.*?)-->\n)(?P<body>.*?)(<!-- end -->)", re.DOTALL)
 

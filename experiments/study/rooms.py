@@ -7,10 +7,15 @@ import functools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from experiments.matrix.table import Row, read_rows
-from experiments.report.comparisons import Group, compare
+from experiments.matrix.table import read_rows
+from experiments.report.comparisons import compare
 from transferkit.errors import TransferkitError
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+    from experiments.report.comparisons import Group
 
 STUDIES = Path(__file__).parents[1] / "studies"
 
