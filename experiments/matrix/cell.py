@@ -13,7 +13,7 @@ from experiments.matrix.table import Row
 from transferkit.config import Algorithm, TrainConfig, identity, overrides, with_settings
 
 ANY_CORE = "any"
-"""Stands for a core where there is none, so that the trainer's wrapping counts in every arm."""
+"""Stands for a core if there is none, so that the trainer's wrapping counts in every arm."""
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from experiments.matrix.table import Row
 
 POINTS = 80
-"""Of a learning curve in the page."""
+"""Points of a learning curve in the page."""
 
 RESAMPLES = 200
 """For the intervals of a curve, which are drawn and not read off."""
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Curve:
-    """Interquartile mean over runs with its pointwise 95 % interval, up to where the first of them ends; each `(points,)`."""
+    """Interquartile mean over runs with its pointwise 95 % interval, up to the end of the first of them; each `(points,)`."""
 
     n: int
     """Runs."""

@@ -28,7 +28,7 @@ LEGEND_COLUMN, LEGEND_ROW = 3.6, 0.18
 """Inches."""
 
 PANELS = (("50-episode mean", "episodes"), ("each episode", "episodes"), ("50-episode mean", "steps"))
-"""Of the learning curves: window and axis."""
+"""Window and axis of the learning curves."""
 
 PROFILE_POINTS = np.linspace(0.0, 1.0, 101)
 
@@ -90,7 +90,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Figure:
 
 
 def _limit(axis: Axes, curves: Sequence[Curve]) -> None:
-    """Cut bands where they go further from the lines than these do from each other: one diverged run would hide all others."""
+    """Cut bands if they go further from the lines than these do from each other: one diverged run would hide all others."""
     if curves:
         lowest, highest = min(curve.iqm.min() for curve in curves), max(curve.iqm.max() for curve in curves)
         reach = highest - lowest or 1.0

@@ -13,7 +13,7 @@ BEST = {
 
 
 def best(target: str, seen: float) -> tuple[float, str]:
-    """The upper reference and where it comes from; the best run seen where nothing is known."""
+    """The upper reference and where it comes from; the best run seen if nothing is known."""
     if target.startswith("dm_control/"):
         return DM_CONTROL, "the suite's maximum"
     if target in BEST:

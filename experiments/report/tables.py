@@ -59,7 +59,7 @@ def _arm_row(group: Group, arm: Arm) -> TableRow:
 
 
 def complete(values: Array) -> Array:
-    """Of values `(members, seeds)` the seeds that every member has."""
+    """The seeds that every member has, of values `(members, seeds)`."""
     return values[:, np.isfinite(values).all(axis=0)]
 
 
@@ -124,7 +124,7 @@ def _measures(runs: Mapping[Key, Mapping[str, Array]], horizon: float) -> dict[s
 
 
 def source_steps(core: str) -> float | None:
-    """Environment steps that a member of the core cost, on average; None where the core is not here."""
+    """Environment steps that a member of the core cost, on average; None if the core is not here."""
     card = card_of(core)
     return card and float(np.mean([spent["steps"] for spent in card.spent]))
 

@@ -24,7 +24,7 @@ FEW = 5
 """Seeds below which an interval says little beyond its assumption that differences are normal."""
 
 Scores = NDArray[np.float64]
-"""`(members, seeds)`, NaN where a run is missing; one row for an arm without a core."""
+"""`(members, seeds)`, NaN if a run is missing; one row for an arm without a core."""
 
 
 @dataclass(frozen=True)
