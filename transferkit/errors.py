@@ -54,11 +54,11 @@ class TransferkitError(Exception):
 
     def worded(self, spell: Spelling, *more: str) -> str:
         """One line, with options as `spell` writes them, followed by `more` that the front end knows."""
-        remedy = _OPTION.sub(lambda found: spell(found[1], found[2]), self.remedy)
+        remedy = _OPTION.sub(lambda match: spell(match[1], match[2]), self.remedy)
         return "; ".join(filter(None, (self._problem(spell), remedy, *more))).replace("?; ", "? ")
 
     def _problem(self, spell: Spelling) -> str:
-        what = _OPTION.sub(lambda found: spell(found[1], found[2]), self.what)
+        what = _OPTION.sub(lambda match: spell(match[1], match[2]), self.what)
         given = what if self.value is NOT_GIVEN else f"{what}={self.value!r}"
         return f"{given} must be {self.allowed}" if self.allowed else given
 

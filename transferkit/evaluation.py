@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs import make_env, rollout
+from transferkit.envs.make import make_env
+from transferkit.envs.rollout import rollout
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:

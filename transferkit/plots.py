@@ -109,9 +109,9 @@ def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Seq
 
 def _save(figure: Figure, path: Path) -> None:
     kinds = figure.canvas.get_supported_filetypes()
-    if path.suffix[1:] not in kinds:
-        raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(sorted(kinds))}")
     try:
+        if path.suffix[1:] not in kinds:
+            raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(sorted(kinds))}")
         figure.savefig(path, dpi=110)
     except OSError as error:
         raise ConfigError(f"cannot write {path}: {error.strerror}", remedy="choose an {out} in a folder that exists") from None

@@ -49,18 +49,20 @@ def examine() -> dict[str, Any]:
     }
 
 
-def known_problems(found: dict[str, str], libraries: Sequence[str]) -> list[str]:
+def known_problems(installed: dict[str, str], libraries: Sequence[str]) -> list[str]:
     """Find version pairs that are known to fail, each with its fix."""
     problems = []
-    mujoco = tuple(int(part) for part in found["mujoco"].split(".")[:2] if part.isdigit())
+    mujoco = tuple(int(part) for part in installed["mujoco"].split(".")[:2] if part.isdigit())
     if mujoco and not (3, 17) <= mujoco < (4, 0):
-        problems.append(f"mujoco {found['mujoco']} does not work with dm-control: pip install 'mujoco>=3.17,<4' in a new venv")
+        problems.append(
+            f"mujoco {installed['mujoco']} does not work with dm-control: pip install 'mujoco>=3.17,<4' in a new venv"
+        )
     if len(libraries) > 1:
         problems.append(f"two libraries of mujoco are installed ({', '.join(libraries)}): make a new virtual environment")
-    rsl_rl = found["rsl-rl-lib"].split(".")
+    rsl_rl = installed["rsl-rl-lib"].split(".")
     if rsl_rl[0].isdigit() and (int(rsl_rl[0]), int(rsl_rl[1])) < (5, 5):
-        problems.append(f"rsl-rl-lib {found['rsl-rl-lib']} is too old: pip install 'rsl-rl-lib>=5.5,<6'")
-    problems += [f"{name} is missing: pip install {name}" for name, version in found.items() if version == "not installed"]
+        problems.append(f"rsl-rl-lib {installed['rsl-rl-lib']} is too old: pip install 'rsl-rl-lib>=5.5,<6'")
+    problems += [f"{name} is missing: pip install {name}" for name, version in installed.items() if version == "not installed"]
     return problems
 
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.errors import SettingError
 from transferkit.files import check_new
 from transferkit.table import format_table
 
@@ -21,9 +20,6 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("--seed", type=int, default=0, help="of the episodes' starts; 0 is the one training reports")
     flags.add_argument("--out", type=Path, required=True, metavar="FILE.mcap")
     options = flags.parse_args(arguments)
-    for name, least in (("episodes", 1), ("seed", 0)):
-        if (value := getattr(options, name)) < least:
-            raise SettingError(name, value=value, allowed=f"at least {least}")
     check_new(options.out, "out")
     from transferkit.record.play import record_episodes  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.subject import load_subject  # noqa: PLC0415

@@ -44,30 +44,30 @@ def migrated_blueprint(blueprint: Mapping[str, Any]) -> dict[str, Any]:
 
 def _network(algo: str, ppo: Mapping[str, Any], dyna: dict[str, Any]) -> dict[str, Any]:
     std, init_std = ppo.get("std", "parameter"), ppo.get("init_std", 0.6)
-    found = {name: ppo[name] for name in _NETWORK} | {"std": std, "init_std": init_std}
-    found["initialization"] = "paper" if std == "head" else "orthogonal"
+    settings = {name: ppo[name] for name in _NETWORK} | {"std": std, "init_std": init_std}
+    settings["initialization"] = "paper" if std == "head" else "orthogonal"
     own = {name: dyna.pop(name) for name in (*_NETWORK, "squash", "initialization") if name in dyna}
     if algo == "dyna-ddpg":
-        found |= {"std": "parameter", "init_std": dyna["exploration_noise"] or 1.0, "initialization": "orthogonal"} | own
-    return found
+        settings |= {"std": "parameter", "init_std": dyna["exploration_noise"] or 1.0, "initialization": "orthogonal"} | own
+    return settings
 
 
 def _model(dyna: dict[str, Any]) -> dict[str, Any]:
-    found = {name: dyna.pop(f"model_{name}") for name in _MODEL if f"model_{name}" in dyna}
-    found |= {name: dyna.pop(name) for name in ("predict", "normalize_targets") if name in dyna}
-    return found | ({"layer_norm": dyna["layer_norm"]} if "layer_norm" in dyna else {})
+    settings = {name: dyna.pop(f"model_{name}") for name in _MODEL if f"model_{name}" in dyna}
+    settings |= {name: dyna.pop(name) for name in ("predict", "normalize_targets") if name in dyna}
+    return settings | ({"layer_norm": dyna["layer_norm"]} if "layer_norm" in dyna else {})
 
 
 def _wrap(wrap: dict[str, Any], ppo: Mapping[str, Any], dyna: dict[str, Any]) -> dict[str, Any]:
     moved = {"critic": "wrap_critic", "dynamics": "wrap_dynamics"}
-    found = {name: dyna.pop(old) for name, old in moved.items() if old in dyna}
-    return wrap | found | {"init_std": ppo.get("init_std", 0.6)}
+    settings = {name: dyna.pop(old) for name, old in moved.items() if old in dyna}
+    return wrap | settings | {"init_std": ppo.get("init_std", 0.6)}
 
 
 def _ppo(algo: str, ppo: dict[str, Any]) -> dict[str, Any]:
     """Without what had no effect; DYNA-PPO replaced the schedule by KL divergence and the critic's own rate."""
-    found = {"critic_learning_rate": None, **ppo}
+    settings = {"critic_learning_rate": None, **ppo}
     if algo == "dyna-ppo":
-        schedule = "linear" if found["schedule"] == "adaptive" else found["schedule"]
-        found |= {"rollout": "steps", "schedule": schedule, "critic_learning_rate": None}
-    return {name: value for name, value in found.items() if name != "desired_kl" or found["schedule"] == "adaptive"}
+        schedule = "linear" if settings["schedule"] == "adaptive" else settings["schedule"]
+        settings |= {"rollout": "steps", "schedule": schedule, "critic_learning_rate": None}
+    return {name: value for name, value in settings.items() if name != "desired_kl" or settings["schedule"] == "adaptive"}

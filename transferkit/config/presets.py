@@ -14,7 +14,7 @@ from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
 from transferkit.config.env import EnvConfig
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
-from transferkit.config.wrap import WrapConfig
+from transferkit.config.wrap import PAPER_WRAP, WrapConfig
 from transferkit.errors import UnknownNameError
 
 Algorithm = Literal["ppo", "dyna-ddpg", "dyna-ppo"]
@@ -41,9 +41,6 @@ USED: Mapping[Algorithm, tuple[str, ...]] = {
 }
 """Sections that each trainer reads."""
 
-_PAPER_WRAP = WrapConfig(structure="paper", tap="action", adapter="random", residual=0, lr_scale={"core": 1 / 3})
-"""Core at 1e-4 of 3e-4, as on InvertedDoublePendulum; on Hopper the paper uses 1e-5, a thirtieth."""
-
 PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     "ppo": {
         "default-v1": Preset(ppo=PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)),
@@ -67,7 +64,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
                 bootstrap_timeouts=False,
                 normalize_reward=False,
             ),
-            wrap=_PAPER_WRAP,
+            wrap=PAPER_WRAP,
         ),
     },
     "dyna-ddpg": {
@@ -116,7 +113,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
                 predict="state",
                 normalize_targets=False,
             ),
-            wrap=_PAPER_WRAP,
+            wrap=PAPER_WRAP,
         ),
     },
     "dyna-ppo": {

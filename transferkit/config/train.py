@@ -115,13 +115,13 @@ class TrainConfig:
 
 def overrides(config: TrainConfig) -> dict[str, Any]:
     """The settings that the run reads and that differ from its preset, by dotted name, JSON-ready."""
-    preset, found = PRESETS[config.algo][config.preset], {}
+    preset, changed = PRESETS[config.algo][config.preset], {}
     for section in USED[config.algo]:
         if section == "wrap" and config.core is None:
             continue
         own, given = (asdict(getattr(side, section)) for side in (config, preset))
-        found |= {f"{section}.{name}": _listed(value) for name, value in own.items() if value != given[name]}
-    return found
+        changed |= {f"{section}.{name}": _listed(value) for name, value in own.items() if value != given[name]}
+    return changed
 
 
 def identity(config: TrainConfig) -> dict[str, Any]:

@@ -10,14 +10,14 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 LOG_VAR_BOUNDS = (-10.0, 0.5)
-"""Of the predicted variance, in units of the targets' own (Chua et al. 2018 learn them; fixed here)."""
+"""Bounds of the predicted variance, in units of the targets' own (Chua et al. 2018 learn them; fixed here)."""
 
 EPSILON = 1e-6
 """Least standard deviation of a target."""
 
 
 class Prediction(NamedTuple):
-    """What every member says, in the environment's units."""
+    """Predictions of every member, in the environment's units."""
 
     next_observation: Tensor
     """`(E, B, obs_dim)`."""
@@ -35,9 +35,9 @@ class Dynamics(nn.Module):
     """
 
     mean: Tensor
-    """Of the targets (observation changes, then the reward), `(obs_dim + 1,)`."""
+    """Mean of the targets (observation changes, then the reward), `(obs_dim + 1,)`."""
     std: Tensor
-    """`(obs_dim + 1,)`."""
+    """Their standard deviation, `(obs_dim + 1,)`."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Dynamics(nn.Module):
     ) -> None:
         """`angles` are the indices of observation elements that are sine and cosine of one angle.
 
-        With `absolute` the network predicts the next observation itself in place of its change.
+        With `absolute` the network predicts the next observation itself instead of its change.
         """
         super().__init__()
         self.inputs, self.ensemble, self.obs_dim = inputs, ensemble, obs_dim
@@ -61,17 +61,17 @@ class Dynamics(nn.Module):
 
     @staticmethod
     def out_dim(obs_dim: int) -> int:
-        """Mean and log-variance of every target, and the termination logit."""
+        """Count the outputs: mean and log-variance of every target, and the termination logit."""
         return 2 * (obs_dim + 1) + 1
 
     def forward(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Mean and log-variance `(E, B, obs_dim + 1)` of the normalised targets, and termination logits `(E, B)`."""
+        """Compute mean and log-variance `(E, B, obs_dim + 1)` of the normalised targets, and termination logits `(E, B)`."""
         mean, raw, logit = self._outputs(observation, action)
         low, high = LOG_VAR_BOUNDS
         return mean, low + functional.softplus(high - functional.softplus(high - raw) - low), logit
 
     def targets(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> Tensor:
-        """What the means are trained towards, `(..., obs_dim + 1)`."""
+        """Compute what the means are trained towards, `(..., obs_dim + 1)`."""
         return (self._raw_targets(observation, reward, next_observation) - self.mean) / self.std
 
     @torch.no_grad()
@@ -83,7 +83,7 @@ class Dynamics(nn.Module):
 
     @torch.no_grad()
     def predict(self, observation: Tensor, action: Tensor) -> Prediction:
-        """Means of all members for `(B, obs_dim)`, `(B, act_dim)`; sine and cosine of an angle put back on the circle."""
+        """Predict with all members for `(B, obs_dim)`, `(B, act_dim)`; sines and cosines are put back on the circle."""
         mean, _, logit = self._outputs(observation, action)
         change = mean * self.std + self.mean
         following = self._kept * observation + change[..., :-1]

@@ -25,12 +25,12 @@ class EnsembleArchitecture:
     """Normalise before every ReLU, without learnt scale (Ba et al. 2016)."""
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON-ready data."""
+        """Return JSON-ready data."""
         return asdict(self)
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> EnsembleArchitecture:
-        """The inverse of `to_json`."""
+        """Rebuild from `to_json`."""
         return cls(**{**data, "hidden": tuple(data["hidden"])})
 
 
@@ -66,7 +66,7 @@ class Ensemble(nn.Module):
         self.head = EnsembleLinear(architecture.members, sizes[-1], architecture.out_dim, generator)
 
     def features(self, x: Tensor) -> Tensor:
-        """Last hidden layer `(E, B, hidden[-1])` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for rows of its own each."""
+        """Compute the last hidden layer `(E, B, hidden[-1])` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for own rows each."""
         if x.dim() == 2:
             x = x.expand(self.architecture.members, *x.shape)
         for layer in self.body:

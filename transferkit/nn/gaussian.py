@@ -13,17 +13,17 @@ LOG_STD_BOUNDS = (-5.0, 1.0)
 
 
 def log_prob(mean: Tensor, log_std: Tensor, action: Tensor) -> Tensor:
-    """Log-density of actions `(B, act_dim)`, `(B,)`; differentiable in mean and log_std."""
+    """Compute the log-density of actions `(B, act_dim)`, `(B,)`; differentiable in mean and log_std."""
     return _LogProb.apply(mean, log_std, action)
 
 
 def entropy(log_std: Tensor) -> Tensor:
-    """Differential entropy in nats, `(B,)`."""
+    """Compute the differential entropy in nats, `(B,)`."""
     return log_std.sum(-1) + 0.5 * math.log(2 * math.pi * math.e) * log_std.shape[-1]
 
 
 def kl_divergence(old_mean: Tensor, old_log_std: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
-    """KL(old || new), `(B,)`."""
+    """Compute KL(old || new), `(B,)`."""
     variance_ratio = torch.exp(2 * (old_log_std - log_std))
     distance = ((old_mean - mean) * torch.exp(-log_std)) ** 2
     return (log_std - old_log_std + 0.5 * (variance_ratio + distance - 1)).sum(-1)

@@ -15,7 +15,7 @@ ACTIVATIONS: dict[str, type[nn.Module]] = {"elu": nn.ELU, "relu": nn.ReLU, "tanh
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """The last bits of a decomposition depend on the number of threads; with one they are always the same."""
+    """Compute with one thread: the last bits of a product or decomposition depend on their number."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -93,7 +93,7 @@ def mlp(
     gain: float | None = None,
     zero_bias: bool = True,
 ) -> MLP:
-    """Hidden layers of an MLP, without an output layer."""
+    """Make the hidden layers of an MLP, without an output layer."""
     sizes = [in_features, *hidden]
     layers: list[nn.Module] = []
     for fan_in, fan_out in itertools.pairwise(sizes):

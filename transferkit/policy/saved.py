@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import nn
 
-from transferkit.config import PRESETS, WrapConfig
+from transferkit.config.wrap import PAPER_WRAP, WrapConfig
 from transferkit.errors import RunDirectoryError
 from transferkit.nn import Architecture, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
 from transferkit.policy.base import ConstantPolicy, ScratchPolicy
@@ -85,7 +85,7 @@ def build(blueprint: Mapping[str, Any]) -> Policy:
     network = PolicyNet(Architecture.from_json(blueprint["core"]))
     specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
     if blueprint["kind"] == "paper":
-        return PaperSandwich(network, specs, PRESETS["ppo"]["paper-v1"].wrap, None)
+        return PaperSandwich(network, specs, PAPER_WRAP, None)
     options = {name: blueprint[name] for name in ("tap", "adapter", "finetune", "residual")}
     normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
     config = WrapConfig(**options, lr_scale={}, init_std=1.0)

@@ -1,4 +1,4 @@
-"""What a recording holds: topics, JSON schemas with one named field per element, and the metadata that explains them.
+"""The format of recordings: topics, JSON schemas with one named field per element, and the metadata that explains them.
 
 Times are simulated: the steps since the start of the file times the control time step, in nanoseconds.
 """
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from transferkit.spec import IOSpec
 
 VERSION = "1"
-"""Of this format."""
+"""Version of this format."""
 
 STEP = "/step"
 """One JSON message a step: a single topic, because what a message costs hardly depends on its size."""

@@ -45,7 +45,7 @@ REQUIRED, OPTIONAL = ("observation", "action", "reward"), ("terminated", "trunca
 
 @dataclass(frozen=True)
 class Source:
-    """Where a quantity is found."""
+    """The place of a quantity."""
 
     topic: str
     fields: tuple[str, ...]

@@ -15,7 +15,7 @@ import torch
 from numpy.typing import NDArray
 
 from transferkit.envs import derive_spec, make_env, open_simulation, rollout
-from transferkit.errors import RecordingError, TransferkitError
+from transferkit.errors import RecordingError, SettingError, TransferkitError
 from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
 from transferkit.record.state import integration_state, named_parts, state_size
@@ -57,9 +57,13 @@ def record_episodes(subject: Subject, path: Path, *, episodes: int = 1, seed: in
     """Play episodes with the deterministic action and write them; episode k starts as it does in an evaluation with the seed.
 
     Raises:
+        SettingError: fewer than one episode, or a negative seed.
         RecordingError: the file exists, or the environment is not MuJoCo.
         NotFiniteError: a NaN in an observation, an action or a reward.
     """
+    for name, value, least in (("episodes", episodes, 1), ("seed", seed, 0)):
+        if value < least:
+            raise SettingError(name, value=value, allowed=f"at least {least}")
     env, spec = make_env(subject.env, clip_actions=subject.clip_actions), derive_spec(subject.env)
     simulation = open_simulation(env)
     if simulation is None:

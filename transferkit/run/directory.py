@@ -7,6 +7,7 @@ import fcntl
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
@@ -18,6 +19,7 @@ from transferkit.run.tables import ALWAYS, TABLES
 from transferkit.versions import command, git_state, versions
 
 if TYPE_CHECKING:
+    from transferkit.run.result import Result
     from transferkit.run.tables import Row
 
 RECORD, CHECKPOINT, POLICY, RESULT = "run.json", "checkpoint.safetensors", "policy.safetensors", "result.json"
@@ -103,9 +105,10 @@ class RunDirectory:
         """Write the final policy."""
         save_state(self.path / POLICY, state)
 
-    def finish(self, result: Mapping[str, Any]) -> None:
-        """Write the result; a run with a result is finished."""
-        write_json(self.path / RESULT, result)
+    def finish(self, result: Result) -> Result:
+        """Write the result and return it; a run with a result is finished."""
+        write_json(self.path / RESULT, asdict(result))
+        return result
 
     @property
     def result(self) -> dict[str, Any] | None:
@@ -171,11 +174,11 @@ def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any
 
 
 def _differences(a: Mapping[str, Any], b: Mapping[str, Any], prefix: str = "") -> list[str]:
-    found = []
+    differences = []
     for key in {*a, *b}:
         left, right = a.get(key), b.get(key)
         if isinstance(left, dict) and isinstance(right, dict):
-            found += _differences(left, right, f"{prefix}{key}.")
+            differences += _differences(left, right, f"{prefix}{key}.")
         elif left != right:
-            found.append(f"{prefix}{key} is {left!r} there and {right!r} here")
-    return found
+            differences.append(f"{prefix}{key} is {left!r} there and {right!r} here")
+    return differences

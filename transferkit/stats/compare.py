@@ -23,7 +23,7 @@ class Difference:
 
 
 def paired_difference(scores: ArrayLike, others: ArrayLike, *, confidence: float = CONFIDENCE) -> Difference:
-    """Mean of `scores - others` over runs that share their seed.
+    """Average `scores - others` over runs that share their seed.
 
     Either is `(members, seeds)`, or `(seeds,)` for an arm without a core, which is then the partner of every member.
 
@@ -39,24 +39,24 @@ def paired_difference(scores: ArrayLike, others: ArrayLike, *, confidence: float
 
 
 def holm_differences(scores: ArrayLike, controls: Mapping[str, ArrayLike]) -> dict[str, Difference]:
-    """The differences to several controls, with intervals that exclude 0 where Holm's step-down test rejects (Holm 1979).
+    """Compare with several controls; intervals exclude 0 if Holm's step-down test rejects (Holm 1979).
 
     The clearest of m differences gets the confidence 1 - 0.05 / m, the next 1 - 0.05 / (m - 1), and so on to the first whose
-    interval includes 0; the level stays there. What they exclude 0 for holds together, the intervals as such do not.
+    interval includes 0; the level stays there. The rejections hold together; the intervals as such do not.
     """
     plain = {name: paired_difference(scores, other) for name, other in controls.items()}
     left, corrected = len(plain), {}
     for name in sorted(plain, key=lambda name: _clearness(plain[name]), reverse=True):
-        found = paired_difference(scores, controls[name], confidence=1 - (1 - CONFIDENCE) / left)
-        left -= found.low > 0 or found.high < 0
-        corrected[name] = found
+        difference = paired_difference(scores, controls[name], confidence=1 - (1 - CONFIDENCE) / left)
+        left -= difference.low > 0 or difference.high < 0
+        corrected[name] = difference
     return {name: corrected[name] for name in controls}
 
 
 def probability_of_improvement(
     scores: ArrayLike, others: ArrayLike, *, rng: np.random.Generator | None = None
 ) -> tuple[float, float, float]:
-    """Probability that a run of the first arm beats one of the second on one task, ties counted half, with its interval.
+    """Estimate the probability that a run of the first arm beats one of the second on one task, ties counted half.
 
     The Mann-Whitney statistic over the number of pairs (Agarwal et al. 2021); percentiles with both arms resampled.
     """
@@ -70,7 +70,7 @@ def probability_of_improvement(
 
 
 def performance_profile(scores: ArrayLike, thresholds: ArrayLike) -> NDArray[np.float64]:
-    """Share of the runs above each threshold (Agarwal et al. 2021; Dolan & More 2002), `(thresholds,)`."""
+    """Compute the share of the runs above each threshold (Agarwal et al. 2021; Dolan & More 2002), `(thresholds,)`."""
     return (np.asarray(scores, float).ravel()[None] > np.asarray(thresholds, float)[:, None]).mean(axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What a learning curve says about transfer (Taylor & Stone 2009), on the axis of episodes or of environment steps.
+"""Measures of transfer from learning curves (Taylor & Stone 2009), on the axis of episodes or of environment steps.
 
 A curve is evaluations `values` after `axis` units of experience, both `(points,)`, `axis` growing.
 """
@@ -13,24 +13,24 @@ LAST = 0.1
 
 
 def jumpstart(values: ArrayLike, others: ArrayLike) -> float:
-    """Advantage before any training: the first evaluation minus that of the other curve."""
+    """Compute the advantage before any training: the first evaluation minus that of the other curve."""
     return float(np.asarray(values, float)[0] - np.asarray(others, float)[0])
 
 
 def area(axis: ArrayLike, values: ArrayLike) -> float:
-    """Mean height under the curve, by trapezia, between its first and its last point."""
+    """Compute the mean height under the curve, by trapezia, between its first and its last point."""
     x, y = np.asarray(axis, float), np.asarray(values, float)
     return float(y[0]) if len(x) == 1 else float(np.trapezoid(y, x) / (x[-1] - x[0]))
 
 
 def asymptote(axis: ArrayLike, values: ArrayLike) -> float:
-    """Mean of the evaluations in the last tenth of the budget."""
+    """Average the evaluations in the last tenth of the budget."""
     x, y = np.asarray(axis, float), np.asarray(values, float)
     return float(y[x >= x[-1] - LAST * (x[-1] - x[0])].mean())
 
 
 def steps_to_threshold(axis: ArrayLike, values: ArrayLike, threshold: float) -> float:
-    """Experience at the first evaluation that reaches the threshold; infinite for a curve that never does.
+    """Find the experience at the first evaluation that reaches the threshold; infinite for a curve that never does.
 
     A median over runs stays right with infinities in it, as long as fewer than half are: they are censored, not left out.
     """
@@ -39,7 +39,7 @@ def steps_to_threshold(axis: ArrayLike, values: ArrayLike, threshold: float) -> 
 
 
 def data_efficiency(scratch: ArrayLike, transfer: ArrayLike, *, source: float = 0.0) -> float:
-    """How many times as much experience scratch needs to the threshold, by medians over runs; NaN where neither gets there.
+    """Compute how many times as much experience scratch needs to the threshold, by medians; NaN if neither gets there.
 
     `source` is the experience that the core cost, for the total.
     """

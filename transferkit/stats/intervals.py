@@ -1,4 +1,4 @@
-"""Aggregates and their intervals: of means Student's, of interquartile means by the bootstrap.
+"""Aggregates and their intervals: Student's for means, the bootstrap's for interquartile means.
 
 The percentiles of a bootstrap cannot leave the range of the sample, which makes them too narrow for a mean of few runs.
 """
@@ -16,7 +16,7 @@ CONFIDENCE = 0.95
 RESAMPLES = 2000
 
 Statistic = Callable[..., Any]
-"""Of an array along `axis`."""
+"""A function of an array along `axis`."""
 
 
 def iqm(values: ArrayLike, axis: int | None = None) -> Any:  # noqa: ANN401 - a number, or an array along the other axes
@@ -26,7 +26,7 @@ def iqm(values: ArrayLike, axis: int | None = None) -> Any:  # noqa: ANN401 - a 
 
 
 def normalized(scores: ArrayLike, low: float, high: float) -> NDArray[np.float64]:
-    """Scores on a scale on which `low` is 0 and `high` is 1.
+    """Put scores on a scale on which `low` is 0 and `high` is 1.
 
     Raises:
         ValueError: both references are equal.
@@ -37,7 +37,7 @@ def normalized(scores: ArrayLike, low: float, high: float) -> NDArray[np.float64
 
 
 def mean_interval(values: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Student's interval of the mean of independent values.
+    """Compute Student's interval of the mean of independent values.
 
     One value, or equal values, give an interval of no width: the sample says nothing about its spread.
     """
@@ -55,7 +55,7 @@ def summary_interval(mean: float, deviation: float, n: int, *, confidence: float
 def iqm_interval(
     values: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:
-    """Bootstrap interval of the interquartile mean of independent runs."""
+    """Compute the bootstrap interval of the interquartile mean of independent runs."""
     return stratified_interval(np.asarray(values, float)[:, None], iqm, rng=rng, confidence=confidence)
 
 
@@ -66,7 +66,7 @@ def stratified_interval(
     rng: np.random.Generator | None = None,
     confidence: float = CONFIDENCE,
 ) -> tuple[float, float]:
-    """Interval of a statistic of all scores `(runs, tasks)`, the runs of each task resampled (Agarwal et al. 2021)."""
+    """Compute the interval of a statistic of scores `(runs, tasks)`, the runs of each task resampled (Agarwal et al. 2021)."""
     values = np.asarray(scores, float)
     runs, tasks = values.shape
     rows = generator_or_fixed(rng).integers(runs, size=(RESAMPLES, runs, tasks))
@@ -76,7 +76,7 @@ def stratified_interval(
 
 
 def hierarchical_interval(groups: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Interval of the mean over groups `(groups, values)` that are themselves a sample, as the source seeds of a core.
+    """Compute the interval of the mean over groups `(groups, values)` that are themselves a sample, as source seeds are.
 
     The groups' means are the sample: their spread holds that within them (Davison & Hinkley 1997, 3.8).
     """
@@ -84,9 +84,9 @@ def hierarchical_interval(groups: ArrayLike, *, confidence: float = CONFIDENCE) 
 
 
 def crossed_interval(scores: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Interval of the mean of scores `(members, seeds)`, every member run with every seed, both a sample.
+    """Compute the interval of the mean of scores `(members, seeds)`, every member run with every seed, both a sample.
 
-    The variances of the means over members and over seeds are added, which counts noise of single runs twice where there are
+    The variances of the means over members and over seeds are added, which counts noise of single runs twice if there are
     several of both (Owen 2007), with the degrees of freedom of such a sum (Satterthwaite 1946).
     """
     values = np.asarray(scores, float)
@@ -108,7 +108,7 @@ def crossed_band(
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Intervals of a statistic at every point of curves `(members, seeds, points)`, both resampled (Owen 2007)."""
+    """Compute the intervals of a statistic at every point of curves `(members, seeds, points)`, both resampled (Owen 2007)."""
     values = np.asarray(curves, float)
     members, seeds, points = values.shape
     generator = generator_or_fixed(rng)
@@ -120,12 +120,12 @@ def crossed_band(
 
 
 def generator_or_fixed(rng: np.random.Generator | None) -> np.random.Generator:
-    """The caller's generator, or one that always gives the same."""
+    """Return the caller's generator, or one that always gives the same."""
     return np.random.default_rng(0) if rng is None else rng
 
 
 def _percentiles(resampled: NDArray[np.float64], n: int, freedom: int, confidence: float) -> Any:  # noqa: ANN401
-    """Both ends, of statistics `(resamples, ...)`, moved outwards for small samples of `n` (Hesterberg 2015, 4.2)."""
+    """Compute both ends of statistics `(resamples, ...)`, moved outwards for small samples of `n` (Hesterberg 2015, 4.2)."""
     tail = (1 - confidence) / 2
     if freedom > 0:
         tail = float(scipy_stats.norm.cdf(np.sqrt(n / (n - 1)) * scipy_stats.t.ppf(tail, freedom)))

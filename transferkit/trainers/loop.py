@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import closing
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from torch import nn
 
 if TYPE_CHECKING:
     from transferkit.envs import VectorEnv
-    from transferkit.run import Session
+    from transferkit.run import Scores, Session
 
 Observation = NDArray[np.float32]
 """What the next actions are chosen from, `(num_envs, obs_dim)`."""
@@ -64,6 +65,20 @@ def run_loop(trainer: Trainer, envs: VectorEnv, session: Session, checkpoint: Ma
         observation, metrics = trainer.advance(envs, observation, session)
         if metrics is not None:
             session.after_update(metrics, lambda: {"trainer": trainer.state(), "envs": envs.state()})
+
+
+def train_and_evaluate(
+    trainer: Trainer, envs: VectorEnv, session: Session, checkpoint: Mapping[str, Any] | None = None
+) -> Scores:
+    """Run the loop within its session, with an evaluation after it and, if some are due during training, before it."""
+    if checkpoint is not None:
+        checkpoint = migrated_checkpoint(checkpoint)
+        session.restore(checkpoint["session"])
+    with session.running(), closing(envs):
+        if checkpoint is None and session.schedule.eval_every:
+            session.evaluate()  # before any training: the jumpstart
+        run_loop(trainer, envs, session, checkpoint)
+        return session.evaluate()
 
 
 def migrated_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Any]:

@@ -1,21 +1,17 @@
-"""The trainer that a configuration asks for."""
+"""The trainer that a configuration asks for; each is imported when it is asked for, since rsl_rl takes seconds."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-import gymnasium
 import torch
 from numpy.typing import NDArray
-
-from transferkit.envs import derive_spec
-from transferkit.trainers.dyna.replay import Batch
-from transferkit.trainers.dyna.trainer import DynaTrainer
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.policy.base import Policy
+    from transferkit.spec import IOSpec
     from transferkit.streams import Streams
     from transferkit.trainers.loop import Trainer
 
@@ -23,20 +19,29 @@ if TYPE_CHECKING:
 def make_trainer(
     policy: Policy,
     config: TrainConfig,
-    make_env: Callable[[], gymnasium.Env],
+    spec_of: Callable[[], IOSpec],
     streams: Streams,
     device: torch.device,
     prior: Sequence[NDArray] | None = None,
 ) -> Trainer:
-    """Make the trainer of `config.algo` around a policy; `prior` are the arrays of a `Batch`, to learn from at first."""
+    """Make the trainer of `config.algo` around a policy.
+
+    Args:
+        policy: is trained in place.
+        config: the whole run.
+        spec_of: derives the spec of the environment, if the trainer needs it.
+        streams: of the run's seed.
+        device: of the networks.
+        prior: the arrays of a `Batch` of elsewhere, to learn from at first.
+    """
     if config.algo == "ppo":
-        from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415 - rsl_rl takes seconds to import
+        from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415
 
         return PPOTrainer(policy, config, streams, device)
-    spec = derive_spec(make_env())
     if config.algo == "dyna-ppo":
-        from transferkit.trainers.dyna_ppo import DynaPPOTrainer  # noqa: PLC0415 - rsl_rl again
+        from transferkit.trainers.dyna_ppo import DynaPPOTrainer  # noqa: PLC0415
 
-        return DynaPPOTrainer(policy, spec, config, streams, device)
-    rows = None if prior is None else Batch(*map(torch.from_numpy, prior))
-    return DynaTrainer(policy, spec, config, streams, device, rows)
+        return DynaPPOTrainer(policy, spec_of(), config, streams, device)
+    from transferkit.trainers.dyna.trainer import DynaTrainer  # noqa: PLC0415
+
+    return DynaTrainer(policy, spec_of(), config, streams, device, prior)

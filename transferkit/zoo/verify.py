@@ -11,8 +11,7 @@ from transferkit.config import TrainConfig
 from transferkit.errors import ArtifactError
 from transferkit.evaluation import evaluate
 from transferkit.zoo.artifact import check_probe, load_core
-from transferkit.zoo.card import read_card
-from transferkit.zoo.catalog import find_core
+from transferkit.zoo.catalog import find_card, find_core
 
 ROLLOUT_TOLERANCE = 0.02
 """Relative; another processor can end a near-chaotic episode differently."""
@@ -27,7 +26,7 @@ def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
         ArtifactError: anything does not hold.
     """
     folder = find_core(name)
-    core, card = load_core(folder), read_card(folder)
+    core, card = load_core(folder), find_card(folder)
     report: dict[str, Any] = {"id": core.id, "probe": check_probe(core, folder)}
     if rollout:
         clip = TrainConfig.from_json(card.config).env_config.clip_actions

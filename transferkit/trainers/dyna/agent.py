@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from transferkit.trainers.dyna.replay import Batch
 
 LONGEST_WARM_UP = 10
-"""Times `random_steps`."""
+"""Factor of `random_steps` after which the warm-up ends in any case."""
 
 NOISE_CLIP = 2.5
-"""Of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
+"""Bound of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
 
 M = TypeVar("M", bound=nn.Module)
 

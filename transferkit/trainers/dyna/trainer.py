@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
 from transferkit.errors import DivergedError
 from transferkit.policy.critic_and_model import make_critic, make_dynamics
 from transferkit.trainers.dyna.agent import Agent
 from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
+from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
@@ -20,7 +22,6 @@ if TYPE_CHECKING:
     from transferkit.run import Session
     from transferkit.spec import IOSpec
     from transferkit.streams import Streams
-    from transferkit.trainers.dyna.replay import Batch
     from transferkit.trainers.loop import Metrics, Observation
 
 EXCESS = 10.0
@@ -42,9 +43,9 @@ class DynaTrainer:
         config: TrainConfig,
         streams: Streams,
         device: torch.device,
-        prior: Batch | None = None,
+        prior: Sequence[NDArray] | None = None,
     ) -> None:
-        """Make critics, model and agent; `prior` are transitions `(N, ...)` of elsewhere, learnt from like the run's own."""
+        """Make critics, model and agent; `prior` are the arrays of a `Batch` of elsewhere, learnt from like the run's own."""
         dyna, hidden = config.dyna, config.network.hidden
         self.overrun_steps = dyna.overrun_steps
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
@@ -53,7 +54,7 @@ class DynaTrainer:
         networks = policy.to(device), critic.to(device), model.to(device)
         self.agent = Agent(*networks, dyna, config.model, streams, device, discount=discount)
         if prior is not None:
-            self.agent.remember(prior)
+            self.agent.remember(Batch(*map(torch.from_numpy, prior)))
 
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
         """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""

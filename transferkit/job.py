@@ -1,0 +1,153 @@
+"""A training run that is to be done, and the collaborators it needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+import torch
+
+from transferkit.budget import Budget
+from transferkit.config import TrainConfig, identity, migrated_blueprint
+from transferkit.envs import VectorEnv, derive_spec, dims, make_env
+from transferkit.errors import ConfigError, SettingError
+from transferkit.evaluation import evaluate
+from transferkit.policy.saved import as_saved, state_of
+from transferkit.record.experience import load_experience
+from transferkit.record.play import record_evaluation
+from transferkit.run import CHECKPOINT, RECORD, RESULT, Result, RunDirectory, Schedule, Session, check_same, read_record
+from transferkit.streams import Streams
+from transferkit.trainers.make import make_trainer
+
+if TYPE_CHECKING:
+    from transferkit.policy.base import Policy
+    from transferkit.policy.core import Core
+    from transferkit.record.reader import Transitions
+    from transferkit.run import Report, Scores
+    from transferkit.trainers.loop import Trainer
+
+Ledger = Sequence[Mapping[str, Any]]
+"""Name, steps and hash of each recording that training starts with."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """A configuration with the policy and the environment it names; each method makes one collaborator of the run."""
+
+    config: TrainConfig
+    policy: Policy
+    env: str | Callable[[], gymnasium.Env]
+    out: Path
+    core: Core | None = None
+    record_every: int = 0
+
+    def make_env(self) -> gymnasium.Env:
+        """Make one environment under the contract."""
+        raw = self.env if isinstance(self.env, str) else self.env()
+        return make_env(raw, clip_actions=self.config.env_config.clip_actions)
+
+    def check(self) -> None:
+        """Refuse a budget, a device or a policy that does not fit, before anything is written."""
+        config, policy, env = self.config, self.policy, self.make_env()
+        Budget(config.episodes, config.steps, config.seconds)
+        _device(config.device)
+        needed = dims(env)
+        env.close()
+        if (policy.obs_dim, policy.act_dim) != needed:
+            raise ConfigError(
+                f"the policy takes {policy.obs_dim} observations and {policy.act_dim} actions, environment {config.env} has "
+                f"{needed[0]} and {needed[1]}",
+                remedy=f"build it with wrap(core, '{config.env}')",
+            )
+
+    def experience(self, *, resume: bool) -> tuple[Transitions | None, Ledger]:
+        """Load the recordings to start with and their ledger; a run that has a checkpoint needs them no more."""
+        config, out = self.config, self.out
+        if not config.experience:
+            return None, []
+        if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
+            return None, read_record(out).get("recordings", [])
+        transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(config.env))
+        if len(transitions) > config.dyna.buffer_size:
+            least = f"at least the {len(transitions)} steps of experience"
+            raise SettingError("dyna.buffer_size", value=config.dyna.buffer_size, allowed=least)
+        return transitions, ledger
+
+    def open(self, ledger: Ledger, *, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
+        """Start the run's directory, or take it up with its last checkpoint if its record is the same."""
+        made_of = {"policy": self.policy.blueprint(), "core_digest": self.core and self.core.digest}
+        made_of |= {"recordings": list(ledger)} if ledger else {}
+        if not (resume and (self.out / RECORD).exists()):
+            return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
+        recorded = read_record(self.out)
+        before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
+        before["policy"] = migrated_blueprint(recorded["policy"])
+        check_same(self.out, before, identity(self.config) | made_of)
+        return RunDirectory.resume(self.out)
+
+    def trainer(self, prior: Transitions | None) -> Trainer:
+        """Make the trainer around the policy."""
+        streams, device = Streams(self.config.seed), _device(self.config.device)
+        return make_trainer(
+            self.policy, self.config, lambda: derive_spec(self.make_env()), streams, device, prior.batch() if prior else None
+        )
+
+    def envs(self, trainer: Trainer) -> VectorEnv:
+        """Make as many environments as the trainer steps."""
+        made = [self.make_env() for _ in range(trainer.num_envs)]
+        seed_of = partial(Streams(self.config.seed).integer, "environment")
+        return VectorEnv(made, seed_of, overrun_steps=trainer.overrun_steps)
+
+    def session(self, directory: RunDirectory, trainer: Trainer, report: Report | None) -> Session:
+        """Make the session that counts the run's experience."""
+        config = self.config
+        budget = Budget(config.episodes, config.steps, config.seconds)
+        schedule = Schedule(config.eval_every, config.stop_at, config.checkpoint_seconds)
+        return Session(directory, budget, trainer.num_envs, evaluate=self.evaluate, schedule=schedule, report=report)
+
+    def evaluate(self, session: Session) -> Scores:
+        """Evaluate the policy as it would be loaded, and record an episode if one is due."""
+        policy, config = as_saved(self.policy), self.config
+        if self.record_every and session.evaluations % self.record_every == 0:
+            about = {"run": str(self.out), "core": config.core, "training_seed": config.seed}
+            clip = config.env_config.clip_actions
+            record_evaluation(policy, config.env, about, self.out, session.spent.steps, clip_actions=clip)
+        return evaluate(policy, self.make_env, episodes=config.eval_episodes).scores()
+
+    def trained(self, trainer: Trainer) -> dict[str, Any]:
+        """Collect the trained policy, and what was trained beside it, to be saved."""
+        return state_of(self.policy, trainer.trained())
+
+    def result(self, session: Session, scores: Scores, ledger: Ledger) -> Result:
+        """Sum up the finished run."""
+        config, spent = self.config, session.spent
+        named = {name: getattr(config, name) for name in ("algo", "preset", "core", "env", "seed")}
+        return Result(
+            **named,
+            core_digest=self.core and self.core.digest,
+            member=config.member if self.core else None,
+            episodes=spent.episodes,
+            steps=spent.steps,
+            seconds=round(spent.seconds, 3),
+            eval_return_mean=scores["return_mean"],
+            eval_return_std=scores["return_std"],
+            eval_return_low=scores["return_low"],
+            eval_return_high=scores["return_high"],
+            eval_episodes=int(scores["n"]),
+            run_dir=str(self.out),
+            prior_steps=sum(entry["steps"] for entry in ledger),
+        )
+
+
+def _device(name: str) -> torch.device:
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"device '{name}' cannot be used ({reason})", remedy="use {device=cpu}") from None
+    return device
