@@ -36,11 +36,6 @@ docs: install
 
 bench: install
 	$(BIN)/python -m experiments.bench
-	$(BIN)/python -m experiments.bench_dyna
-	$(BIN)/python -m experiments.bench_record
-	$(BIN)/python -m experiments.bench_report
-	$(BIN)/python -m experiments.bench_matrix
-	$(BIN)/python -m experiments.bench_paper
 
 lock:
 	VIRTUAL_ENV=.venv $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \

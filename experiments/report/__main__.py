@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.flags import in_flags
 from transferkit.errors import TransferkitError
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Write the page, and beside it a folder `<page>_files` with figures (PNG, SVG) and tables (CSV)."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("results", type=Path, help="folder that `experiments.matrix --out` wrote")
     parser.add_argument(
-        "--out", type=Path, default=Path("report.html"), help="the page, replaced where it is; by default %(default)s"
+        "--out", type=Path, default=Path("report.html"), help="the page, which is replaced; by default %(default)s"
     )
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
     try:
         from experiments.report.write import report  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
 
@@ -24,7 +26,10 @@ def main() -> int:
     except KeyboardInterrupt:
         print("stopped; nothing was reported", file=sys.stderr)
         return 130
-    except (TransferkitError, OSError) as error:
+    except TransferkitError as error:
+        print(f"error: {error.worded(in_flags)}", file=sys.stderr)
+        return 2
+    except OSError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     return 0

@@ -5,19 +5,24 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jinja2
 from plotly.offline import get_plotlyjs
 
-from experiments.arms import ZERO_ACTION
-from experiments.report.data import Group, Matrix
-from experiments.report.runs import AXES, EVALUATIONS, WINDOWS, Arm
-from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows
-from experiments.verdict import NEGATIVE, NONE, POSITIVE
-from transferkit.run.files import write_atomically
+from experiments.matrix.arms import UNTRAINED
+from experiments.report.curves import AXES, EVALUATIONS, WINDOWS
+from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows
+from experiments.report.verdict import NEGATIVE, NONE, POSITIVE
+from transferkit.files import write_atomically
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+    from experiments.report.comparisons import Group
+    from experiments.report.curves import Arm
+    from experiments.report.matrix import Matrix
 
 TEMPLATE = Path(__file__).with_name("page.html.j2")
 SIGNS = {POSITIVE: "+", NEGATIVE: "-", NONE: "○"}
@@ -36,15 +41,15 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
         id=id,
         arm_rows=arm_rows,
         curve_rows=curve_rows,
-        aggregates=aggregate_rows(matrix),
-        reproduction=reproduction_rows(matrix),
+        aggregates=aggregate_rows(matrix.groups),
+        paper=paper_rows(matrix.groups),
         heat=[heat_map(matrix, trainer, ids) for trainer in dict.fromkeys(g.trainer for g in matrix.groups if g.core)],
         cells={ids[id(group)]: cell_data(group, curves) for group in matrix.groups},
         curves=curves,
         kinds=[*WINDOWS, EVALUATIONS],
         pictures=[(path.stem, base64.b64encode(path.read_bytes()).decode()) for path in pictures],
         tables=[path.name for path in tables],
-        budgets=sorted({budget(row) for row in matrix.rows if row["arm"] != ZERO_ACTION}),
+        budgets=sorted({budget(row) for row in matrix.rows if row.arm not in UNTRAINED}),
         plotly=get_plotlyjs(),
         dumps=dumps,
     )
@@ -74,7 +79,7 @@ def _heat_text(group: Group) -> str:
 
 
 def sign(group: Group) -> str:
-    """Of its verdict; in parentheses where the target is the core's own task."""
+    """The sign of its verdict; in parentheses if the target is the core's own task."""
     return f"({SIGNS[group.verdict.kind]})" if group.own_task else SIGNS[group.verdict.kind]
 
 
@@ -82,14 +87,14 @@ def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:
     """What a cell's figures need; curves that cells share are stored once."""
     arms = []
     for name, arm in group.arms.items():
-        key = f"{group.trainer}|{group.target}|{name}|{min(row['core'] for row in (*arm.rows, *arm.failed))}"
+        key = f"{group.trainer}|{group.target}|{name}|{min(row.core for row in (*arm.rows, *arm.failed))}"
         if key not in curves:
             curves[key] = (
                 {}
-                if name == ZERO_ACTION
+                if name in UNTRAINED
                 else {f"{kind}|{axis}": _curve(arm, kind, axis) for kind in (*WINDOWS, EVALUATIONS) for axis in AXES}
             )
-        seeds = [[f"member {row['member']}, seed {row['seed']}", _short(row["eval_return_mean"])] for row in arm.rows]
+        seeds = [[f"member {row.member}, seed {row.seed}", _short(row.eval_return_mean)] for row in arm.rows]
         arms.append({"name": name, "curve": key, "seeds": seeds})
     return {"arms": arms}
 
@@ -101,14 +106,15 @@ def _curve(arm: Arm, kind: str, axis: str) -> list[list[float]] | None:
     )
 
 
-def budget(row: Mapping[str, Any]) -> str:
+def budget(row: Row) -> str:
     """What a run may spend."""
-    bounds = [f"{row[f'budget_{name}']} {name}" for name in ("episodes", "steps", "seconds") if row[f"budget_{name}"]]
-    return f"{row['target']}, {row['label']}: {' and '.join(bounds)}, then {row['eval_episodes']} episodes of evaluation"
+    limits = zip(row.budget, ("episodes", "steps", "seconds"), strict=True)
+    bounds = " and ".join(f"{limit} {unit}" for limit, unit in limits if limit is not None) or "no training"
+    return f"{row.target}, {row.trainer}: {bounds}, then {row.eval_episodes} episodes of evaluation"
 
 
 def number(value: object, infinite: str = "∞") -> str:
-    """A number of a table; empty for what is not there."""
+    """A number of a table; empty if there is none."""
     if value is None or value == "":
         return ""
     if not isinstance(value, int | float):
@@ -124,6 +130,6 @@ def _short(value: float) -> float:
     return float(f"{value:.5g}")
 
 
-def dumps(data: Any) -> str:  # noqa: ANN401 - JSON
+def dumps(data: object) -> str:
     """JSON that a script element can hold."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")

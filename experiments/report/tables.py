@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.arms import WITHOUT_CORE, ZERO_ACTION
-from experiments.report.data import Group, Matrix, card_of
-from experiments.report.runs import Arm, Array, Key
-from experiments.verdict import SCRATCH, TRANSFER, paired
+from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE
+from experiments.report.comparisons import card_of
+from experiments.report.verdict import SCRATCH, TRANSFER, paired
 from transferkit import stats
+
+if TYPE_CHECKING:
+    from experiments.report.comparisons import Group
+    from experiments.report.curves import Arm, Array, Key
+
+TableRow = Mapping[str, object]
+"""A line of a table by column."""
 
 HALFWAY = 0.5
 """The threshold of time to threshold, on the scale from zero action (0) to the upper reference (1)."""
@@ -23,14 +29,14 @@ MEANS = {"all": "all_mean", "seconds": "seconds", "steps": "steps"}
 
 
 @functools.cache
-def arm_rows(group: Group) -> list[dict[str, Any]]:
+def arm_rows(group: Group) -> list[TableRow]:
     """One row for every arm of a comparison."""
     return [_arm_row(group, arm) for arm in group.arms.values()]
 
 
-def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
-    values = arm.returns[None] if arm.name == ZERO_ACTION else complete(group.scores[arm.name])
-    low, high = _mean_interval(values) if arm.rows else (None, None)  # of copies of another arm's run
+def _arm_row(group: Group, arm: Arm) -> TableRow:
+    values = arm.returns[None] if arm.name in UNTRAINED else complete(group.scores[arm.name])
+    low, high = mean_interval(values) if arm.rows else (None, None)  # of copies of another arm's run
     row = {
         "target": group.target,
         "trainer": group.trainer,
@@ -49,16 +55,16 @@ def _arm_row(group: Group, arm: Arm) -> dict[str, Any]:
         "corrected": None,
         "p_better": None,
     }
-    return row | (_against(group, arm.name) if arm.name not in (TRANSFER, ZERO_ACTION) and TRANSFER in group.scores else {})
+    return row | (_against(group, arm.name) if arm.name not in (TRANSFER, *UNTRAINED) and TRANSFER in group.scores else {})
 
 
 def complete(values: Array) -> Array:
-    """Of values `(members, seeds)` the seeds that every member has."""
+    """The seeds that every member has, of values `(members, seeds)`."""
     return values[:, np.isfinite(values).all(axis=0)]
 
 
-def _mean_interval(values: Array) -> tuple[float | None, float | None]:
-    """Of the mean over members and seeds, both a sample; one run has none."""
+def mean_interval(values: Array) -> tuple[float | None, float | None]:
+    """Interval of the mean over members and seeds, both a sample; one run has none."""
     return stats.crossed_interval(values) if values.size > 1 else (None, None)
 
 
@@ -79,7 +85,7 @@ def _against(group: Group, arm: str) -> dict[str, float]:
 
 
 @functools.cache
-def curve_rows(group: Group) -> list[dict[str, Any]]:
+def curve_rows(group: Group) -> list[TableRow]:
     """Taylor and Stone's measures of transfer and scratch; empty without evaluations during training, or without references."""
     arms = {name: group.arms[name].evaluations for name in (TRANSFER, SCRATCH) if name in group.arms}
     if len(arms) < 2 or not all(arms.values()) or group.low is None or group.high is None:
@@ -118,12 +124,12 @@ def _measures(runs: Mapping[Key, Mapping[str, Array]], horizon: float) -> dict[s
 
 
 def source_steps(core: str) -> float | None:
-    """Environment steps that a member of the core cost, on average; None where the core is not here."""
+    """Environment steps that a member of the core cost, on average; None if the core is not here."""
     card = card_of(core)
     return card and float(np.mean([spent["steps"] for spent in card.spent]))
 
 
-def verdict_rows(matrix: Matrix) -> list[dict[str, Any]]:
+def verdict_rows(groups: Sequence[Group]) -> list[TableRow]:
     """One row for every core, target and trainer with a core."""
     return [
         {
@@ -136,55 +142,51 @@ def verdict_rows(matrix: Matrix) -> list[dict[str, Any]]:
             "transfer_minus_scratch": group.verdict.scratch and group.verdict.scratch.mean,
             "normalized": group.normalized_difference,
         }
-        for group in matrix.groups
+        for group in groups
         if group.core
     ]
 
 
-def reproduction_rows(matrix: Matrix) -> list[dict[str, Any]]:
+def paper_rows(groups: Sequence[Group]) -> list[TableRow]:
     """The paper's own measures for every arm: mean training return of the last 50 episodes, and of all, over runs."""
-    rows = [_paper_row(group, name) for group in matrix.groups for name in group.arms if name != ZERO_ACTION]
+    rows = [_paper_row(group, name) for group in groups for name in group.arms if name not in UNTRAINED]
     return list({tuple(row[key] for key in ("target", "trainer", "arm", "core")): row for row in rows if row["n"]}.values())
 
 
-def _paper_row(group: Group, name: str) -> dict[str, Any]:
-    last, edited = (complete(group.grid(name, measure)) for measure in ("last_50_mean", "last_50_edited"))
+def _paper_row(group: Group, name: str) -> TableRow:
+    last = complete(group.grid(name, "last_50_mean"))
     row = {"target": group.target, "trainer": group.trainer, "arm": name, "core": "" if name in WITHOUT_CORE else group.core}
     row |= {"n": last.size, "failed": len(group.arms[name].failed)}
     if not last.size:
         return row
-    low, high = _mean_interval(last)
-    edited_low, edited_high = _mean_interval(edited)
+    low, high = mean_interval(last)
     return row | {
         "last_50": float(last.mean()),
         "last_50_low": low,
         "last_50_high": high,
         "last_50_std": float(last.std(ddof=1)) if last.size > 1 else None,
         "last_50_median": float(np.median(last)),
-        "last_50_edited": float(edited.mean()),
-        "last_50_edited_low": edited_low,
-        "last_50_edited_high": edited_high,
         **{key: float(np.mean(complete(group.grid(name, measure)))) for key, measure in MEANS.items()},
     }
 
 
-def aggregate_rows(matrix: Matrix) -> list[dict[str, Any]]:
+def aggregate_rows(groups: Sequence[Group]) -> list[TableRow]:
     """The interquartile mean of every arm over all targets, normalised, with the runs of each target resampled.
 
-    Of several members the mean: the interval is over seeds, for these members. Only targets that have two references, and only
-    where every arm has the same number of seeds on all of them.
+    Of several members it takes the mean: the interval is over seeds, for these members. Only targets that have two references
+    count, and only cores whose every arm has the same number of seeds on all of them.
     """
-    rows = []
-    for trainer, core in dict.fromkeys((group.trainer, group.core) for group in matrix.groups if group.core):
-        groups = [group for group in matrix.groups if (group.trainer, group.core) == (trainer, core) and group.scaled]
-        names = [name for name in (groups[0].scores if groups else ()) if all(name in group.scores for group in groups)]
-        means = {name: [group.normalized(complete(group.scores[name])).mean(axis=0) for group in groups] for name in names}
+    rows: list[TableRow] = []
+    for trainer, core in dict.fromkeys((group.trainer, group.core) for group in groups if group.core):
+        own = [group for group in groups if (group.trainer, group.core) == (trainer, core) and group.scaled]
+        names = [name for name in (own[0].scores if own else ()) if all(name in group.scores for group in own)]
+        means = {name: [group.normalized(complete(group.scores[name])).mean(axis=0) for group in own] for name in names}
         sizes = {len(values) for found in means.values() for values in found}
-        if len(groups) < 2 or len(sizes) > 1 or 0 in sizes:
+        if len(own) < 2 or len(sizes) > 1 or 0 in sizes:
             continue
         for name, found in means.items():
             scores = np.stack(found, axis=1)
             low, high = stats.stratified_interval(scores, stats.iqm)
-            row = {"trainer": trainer, "core": core, "arm": name, "targets": len(groups), "seeds": len(scores)}
+            row = {"trainer": trainer, "core": core, "arm": name, "targets": len(own), "seeds": len(scores)}
             rows.append(row | {"iqm": stats.iqm(scores), "iqm_low": low, "iqm_high": high})
     return rows

@@ -1,4 +1,4 @@
-"""What a report leaves on the disk: the page, and its figures and tables in a folder beside it."""
+"""Files of a report: the page, and its figures and tables in a folder beside it."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import sys
 import time
 from pathlib import Path
 
-from experiments.report.data import load_matrix
+from experiments.matrix.table import write_csv, write_rows
+from experiments.report.figures import draw_all
+from experiments.report.matrix import load_matrix
 from experiments.report.page import write_page
-from experiments.report.pictures import draw_all
-from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, reproduction_rows, verdict_rows
-from experiments.rows import write_csv
+from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows, verdict_rows
 from transferkit.errors import RunDirectoryError
 
 TABLES = ("runs", "arms", "verdicts", "aggregates", "curves", "paper_measures")
 WRITTEN = (*(f"{name}.csv" for name in TABLES), "curves_*.png", "curves_*.svg", "profiles.png", "profiles.svg")
-"""What an earlier report may have left in its folder."""
+"""Files that an earlier report may have left in its folder."""
 
 
 def report(results: Path, out: Path) -> None:
@@ -28,16 +28,16 @@ def report(results: Path, out: Path) -> None:
     matrix = load_matrix(results)
     folder = _empty_folder(out)
     pictures = draw_all(matrix, folder)
+    write_rows(folder / "runs.csv", (*matrix.rows, *matrix.failed))
     found = {
-        "runs": [{name: value for name, value in row.items() if name != "label"} for row in (*matrix.rows, *matrix.failed)],
         "arms": [row for group in matrix.groups for row in arm_rows(group)],
-        "verdicts": verdict_rows(matrix),
-        "aggregates": aggregate_rows(matrix),
+        "verdicts": verdict_rows(matrix.groups),
+        "aggregates": aggregate_rows(matrix.groups),
         "curves": [row for group in matrix.groups for row in curve_rows(group)],
-        "paper_measures": reproduction_rows(matrix),
+        "paper_measures": paper_rows(matrix.groups),
     }
-    tables = [folder / f"{name}.csv" for name in TABLES if found[name]]
-    for path in tables:
+    tables = [folder / "runs.csv", *(folder / f"{name}.csv" for name in found if found[name])]
+    for path in tables[1:]:
         write_csv(path, found[path.stem])
     write_page(matrix, pictures, tables, out)
     if matrix.damaged:
@@ -49,9 +49,9 @@ def report(results: Path, out: Path) -> None:
 def _empty_folder(out: Path) -> Path:
     """The folder beside the page, without what an earlier report left in it."""
     if out.exists() and not (out.is_file() or out.is_dir()):
-        raise RunDirectoryError(f"{out} is no file that could be replaced; pass another, as --out report.html")
+        raise RunDirectoryError(f"{out} is not a file that could be replaced", remedy="choose another {out}")
     if out.is_dir():
-        raise RunDirectoryError(f"{out} is a folder; pass a file, as --out {out / 'report.html'}")
+        raise RunDirectoryError(f"{out} is a folder", remedy="choose a file as {out}, such as report.html in it")
     folder = out.with_name(f"{out.stem}_files")
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -59,5 +59,5 @@ def _empty_folder(out: Path) -> Path:
             for path in folder.glob(pattern):
                 path.unlink()
     except OSError as error:
-        raise RunDirectoryError(f"{folder} cannot be written ({error.strerror}); pass another --out FILE") from None
+        raise RunDirectoryError(f"{folder} cannot be written ({error.strerror})", remedy="choose another {out}") from None
     return folder

@@ -11,6 +11,7 @@ from transferkit.stats import (
     mean_interval,
     normalized,
     stratified_interval,
+    summary_interval,
 )
 
 
@@ -20,6 +21,8 @@ def test_the_interval_of_a_mean_is_students():
     assert mean_interval(sample) == pytest.approx((expected.low, expected.high))
     assert mean_interval([7.0, 7.0]) == (7.0, 7.0)
     assert mean_interval([7.0]) == (7.0, 7.0)
+    assert summary_interval(sample.mean(), sample.std(ddof=1), len(sample)) == pytest.approx((expected.low, expected.high))
+    assert summary_interval(7.0, 0.0, 2) == summary_interval(7.0, 3.0, 1) == (7.0, 7.0)
 
 
 def test_a_bootstrap_is_repeatable_and_close_to_the_normal_interval_of_many():

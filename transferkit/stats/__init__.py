@@ -17,6 +17,7 @@ from transferkit.stats.intervals import (
     mean_interval,
     normalized,
     stratified_interval,
+    summary_interval,
 )
 
 __all__ = [
@@ -38,4 +39,5 @@ __all__ = [
     "probability_of_improvement",
     "steps_to_threshold",
     "stratified_interval",
+    "summary_interval",
 ]

@@ -44,6 +44,14 @@ def mean_interval(values: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple
     return crossed_interval(np.asarray(values, float)[None], confidence=confidence)
 
 
+def summary_interval(mean: float, deviation: float, n: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Student's interval of a mean from its summary: the mean, the standard deviation (n - 1) and the count of the values."""
+    if n < 2 or not deviation:
+        return mean, mean
+    low, high = scipy_stats.t.interval(confidence, n - 1, mean, deviation / np.sqrt(n))
+    return float(low), float(high)
+
+
 def iqm_interval(
     values: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
 ) -> tuple[float, float]:

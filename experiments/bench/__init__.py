@@ -1,0 +1,1 @@
+"""Speed, measured in alternation with peers."""

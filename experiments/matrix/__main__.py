@@ -1,0 +1,47 @@
+"""Run a grid: `python -m experiments.matrix experiments/studies/core_dyna/grid.toml --out runs/core_dyna [--dry-run]`.
+
+Every run is a folder `cells/<hash of what determines it>` with a run directory in it. The same command goes on after any
+interruption; folders of several machines are merged by copying them into one `cells`. `cells.csv` holds one row for every run
+that ended, `evaluations.csv` one for each of their evaluations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+
+from experiments.flags import in_flags
+from transferkit.errors import TransferkitError
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what is not done; the exit status is 1 if a cell failed, 2 if the grid or the cluster is wrong."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("grid", type=Path)
+    parser.add_argument("--out", type=Path, required=True)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--workers", type=int, default=2, help="processes on this machine")
+    where.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster instead: `auto`, HOST:PORT or ray://HOST:PORT")
+    parser.add_argument("--resume", action="store_true", help="the default: what is done is never run again")
+    parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
+    options = parser.parse_args(arguments)
+    try:
+        from experiments.matrix.runner import run  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
+
+        return run(options.grid, options.out, workers=options.workers, ray=options.ray, dry_run=options.dry_run)
+    except KeyboardInterrupt:
+        print("stopped; the same command goes on", file=sys.stderr)
+        return 130
+    except TransferkitError as error:
+        print(f"error: {error.worded(in_flags)}", file=sys.stderr)
+        return 2
+    except BrokenProcessPool:
+        print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,169 @@
+"""A run of a matrix on disk: the folder `cells/<id>`, what is in it, and the row that it gives."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.matrix.cell import Cell
+from experiments.matrix.run_table import columns
+from experiments.matrix.table import NAN, VERSIONS
+from transferkit.config import TrainConfig
+from transferkit.errors import RunDirectoryError, TransferkitError
+from transferkit.files import read_json, write_atomically
+from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT
+from transferkit.run.state_file import check_state
+from transferkit.run.tables import ALWAYS
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+
+CELLS, SET_ASIDE = "cells", "damaged"
+CELL, ERROR, SPEED = "cell.json", "error.json", "speed.json"
+"""What a cell is; why its last try failed; the final policy's speed, which is written last."""
+
+RUN_FILES = (RECORD, RESULT, POLICY, "episodes.csv", "evaluations.csv", "model.csv")
+"""What a finished run is; the rest is its checkpoint and logs."""
+
+SCORES = {"eval_return_mean": "return_mean", "eval_return_std": "return_std", "eval_episodes": "n", "steps": "steps"}
+"""What a result repeats of its last evaluation."""
+
+LAST = 50
+"""Episodes at the end whose mean return is the paper's measure."""
+
+
+class DamagedError(TransferkitError):
+    """A cell whose files are not what a matrix writes; `what` names the file."""
+
+
+def folder(out: Path, cell: Cell) -> Path:
+    """Where a cell lies: what it is, its run directory in `run`, and its error if it has failed."""
+    return out / CELLS / cell.id
+
+
+def read_cell(where: Path) -> Row | None:
+    """The row of a cell that ended; None if it has not.
+
+    Raises:
+        DamagedError: a file is missing, cannot be read, or contradicts another.
+        RunDirectoryError: it is a cell of an earlier version.
+    """
+    run = where / "run"
+    cell = _cell(where)
+    ended = (where / SPEED).exists() or (where / ERROR).exists()
+    row = replace(cell.row, **(_made_by(run) if ended and (run / RECORD).exists() else {}))
+    if (where / SPEED).exists():
+        return _finished(cell, row, where)
+    if (where / ERROR).exists():
+        with _naming(ERROR):
+            error = read_json(where / ERROR)
+            return replace(row, error_kind=error["kind"], error=error["message"])
+    if (run / CHECKPOINT).exists():
+        with _naming(CHECKPOINT):
+            check_state(run / CHECKPOINT)
+    return None
+
+
+def cell_folders(out: Path) -> list[Path]:
+    """Every cell that was ever started, in the order of its name; a start killed before it wrote anything does not count."""
+    return sorted({path.parent for name in (CELL, "run") for path in (out / CELLS).glob(f"*/{name}")})
+
+
+def set_aside(out: Path, where: Path) -> Path:
+    """Move a damaged cell out of the way, so that it runs again; returns where it is now."""
+    names = (out / SET_ASIDE / f"{where.name}.{k}" for k in itertools.count())
+    copy = next(name for name in names if not name.exists())
+    copy.parent.mkdir(exist_ok=True)
+    return where.rename(copy)
+
+
+def pack(where: Path) -> dict[str, bytes]:
+    """The files of a cell by their path, without checkpoint and logs, to send to another machine."""
+    names = (CELL, ERROR, *(f"run/{name}" for name in RUN_FILES), SPEED)
+    return {name: (where / name).read_bytes() for name in names if (where / name).exists()}
+
+
+def unpack(where: Path, files: Mapping[str, bytes]) -> None:
+    """The inverse of `pack`, which has what makes a run count as finished last."""
+    for name, data in files.items():
+        (where / name).parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(where / name, data)
+
+
+def _cell(where: Path) -> Cell:
+    with _naming(CELL):
+        data = read_json(where / CELL)
+        earlier = "network" not in data["config"]
+    if earlier:
+        raise RunDirectoryError(f"{where} was made by an earlier version", remedy="choose another {out}")
+    with _naming(CELL):
+        cell = Cell(data["arm"], data["core"], data["trainer"], TrainConfig.from_json(data["config"]))
+        if not cell.id == data["id"] == where.name:
+            raise DamagedError(f"{CELL} describes another run than its folder's name")
+        return cell
+
+
+def _made_by(run: Path) -> dict[str, str]:
+    """Commit and versions that a run was made with."""
+    with _naming(RECORD):
+        record = read_json(run / RECORD)
+        versions = {name: record["versions"].get(name, "") for name in VERSIONS}
+        return {"commit": (record["git"] or {}).get("commit", ""), **versions}
+
+
+def _finished(cell: Cell, row: Row, where: Path) -> Row:
+    run = where / "run"
+    with _naming(RESULT):
+        result = read_json(run / RESULT)
+        found = {name: result[name] for name in ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std")}
+        if not all(map(math.isfinite, found.values())):
+            raise ValueError("a number is not finite")
+    with _naming(SPEED):
+        speed = read_json(where / SPEED)["forward_speed"]
+        found["forward_speed"] = NAN if speed is None else float(speed)
+    if not (run / RECORD).exists():
+        raise DamagedError(f"{RECORD} is missing")
+    if cell.trained:
+        with _naming(POLICY):
+            check_state(run / POLICY)
+        found |= _training(run, result)
+    return replace(row, **found)
+
+
+def _training(run: Path, result: Mapping[str, Any]) -> dict[str, float]:
+    """Measures of the training episodes, and a check that the tables end as the result says."""
+    for kind in ALWAYS:
+        with _naming(f"{kind.table}.csv"):
+            table = columns(run, kind.table)
+            if not all(np.isfinite(table[name]).all() for name in kind.columns()):
+                raise ValueError("a number is not finite")
+    with _naming("evaluations.csv"):
+        last = {name: values[-1] for name, values in columns(run, "evaluations").items()}
+        if any(last[column] != result[name] for name, column in SCORES.items()):
+            raise ValueError(f"it does not end with the evaluation that {RESULT} states")
+    with _naming("episodes.csv"):
+        returns = columns(run, "episodes")["return"]
+        if len(returns) != result["episodes"]:
+            raise ValueError(f"it does not have the {result['episodes']} episodes that {RESULT} counts")
+    if not len(returns):
+        return {}
+    return {"last_50_mean": round(float(np.mean(returns[-LAST:])), 3), "all_mean": round(float(np.mean(returns)), 3)}
+
+
+@contextmanager
+def _naming(file: str) -> Iterator[None]:
+    """Turn whatever a damaged file causes into one line that names it."""
+    try:
+        yield
+    except DamagedError:
+        raise
+    except (TransferkitError, OSError, ValueError, LookupError, TypeError, AttributeError, csv.Error) as error:
+        raise DamagedError(f"{file}: {type(error).__name__}: {error}") from error

@@ -1,0 +1,152 @@
+"""One row for every run that ended, and its form as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from transferkit.errors import RunDirectoryError
+from transferkit.files import write_atomically
+
+NAN = math.nan
+
+
+@dataclass(frozen=True)
+class Row:
+    """A run: what it was, what it spent, and what it came to. These fields are the columns of every table of runs."""
+
+    id: str
+    core: str
+    """Empty for arms that have none."""
+    member: int
+    target: str
+    arm: str
+    trainer: str
+    """Its name in the grid; empty for arms that are not trained."""
+    algo: str
+    preset: str
+    """With its version, as `default-v2`."""
+    overrides: str
+    """Settings that differ from the preset, by dotted name, as a JSON object."""
+    seed: int
+    budget_episodes: int | None
+    budget_steps: int | None
+    budget_seconds: float | None
+    eval_every: int
+    eval_episodes: int
+    episodes: int | None = None
+    steps: int | None = None
+    seconds: float = NAN
+    eval_return_mean: float = NAN
+    eval_return_std: float = NAN
+    last_50_mean: float = NAN
+    """Mean return of the last 50 training episodes, the paper's measure."""
+    all_mean: float = NAN
+    """Mean return of all training episodes."""
+    forward_speed: float = NAN
+    """Mean forward speed of the final policy in m/s, if the environment reports it."""
+    commit: str = ""
+    transferkit: str = ""
+    mujoco: str = ""
+    gymnasium: str = ""
+    torch: str = ""
+    error_kind: str = ""
+    """Class of the error that ended the run; empty for a run that finished."""
+    error: str = ""
+
+    @property
+    def budget(self) -> tuple[float | None, ...]:
+        """Episodes, steps and seconds that it may spend."""
+        return self.budget_episodes, self.budget_steps, self.budget_seconds
+
+    @property
+    def finished(self) -> bool:
+        """Whether it has a result."""
+        return not self.error_kind
+
+
+COLUMNS = tuple(field.name for field in fields(Row))
+VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
+CURVE_COLUMNS = ("id", "steps", "episodes", "seconds", "return_mean")
+"""Columns of a table of evaluations during training; `id` is that of the row."""
+
+
+def read_rows(path: Path) -> list[Row]:
+    """The rows of a table that `write_rows` wrote.
+
+    Raises:
+        RunDirectoryError: it has other columns, or a line is not a run that ended.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.reader(file)
+            if tuple(next(reader, ())) != COLUMNS:
+                raise RunDirectoryError(f"{path} does not have the columns of this version's tables; remove it")
+            return [_parse(cells, path, reader.line_num) for cells in reader]
+    except (OSError, UnicodeError, csv.Error) as error:
+        raise RunDirectoryError(f"{path} is not a table of runs ({error}); remove it") from None
+
+
+def write_rows(path: Path, rows: Iterable[Row]) -> None:
+    """Write rows as CSV, atomically."""
+    write_csv(path, [{name: getattr(row, name) for name in COLUMNS} for row in rows])
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
+    """Write rows that have the same keys as CSV, atomically; None and NaN become empty cells."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(rows[0])
+    writer.writerows([_cell(value) for value in row.values()] for row in rows)
+    write_atomically(path, text.getvalue().encode())
+
+
+def ambiguity(rows: Iterable[Row]) -> str:
+    """What one trainer's name stands for twice on one target, so that no table can tell it apart; empty if nothing does."""
+    meanings: dict[tuple[str, str, str], set[object]] = defaultdict(set)
+    for row in rows:
+        settings = row.algo, row.preset, row.overrides, row.eval_every, row.eval_episodes
+        for what, value in (("budgets", row.budget), ("settings", settings)):
+            meanings[row.trainer or row.arm, row.target, what].add(value)
+    twice = [(*names, len(found)) for names, found in meanings.items() if len(found) > 1]
+    return "".join(f"runs of {trainer} on {target} with {count} {what}" for trainer, target, what, count in twice[:1])
+
+
+def _parse(cells: Sequence[str], path: Path, line: int) -> Row:
+    try:
+        row = Row(**{field.name: PARSERS[str(field.type)](text) for field, text in zip(fields(Row), cells, strict=True)})
+        if not (row.id and row.target and row.arm and isinstance(json.loads(row.overrides), dict)):
+            raise ValueError(row)
+        if row.finished and math.isnan(row.eval_return_mean):
+            raise ValueError(row)
+    except ValueError:
+        raise RunDirectoryError(f"{path}, line {line}, is not a run that ended; remove it") from None
+    return row
+
+
+def _number(text: str) -> float:
+    value = float(text) if text else NAN
+    if text and not math.isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+PARSERS: Mapping[str, Callable[[str], Any]] = {
+    "str": str,
+    "int": int,
+    "float": _number,
+    "int | None": lambda text: int(text) if text else None,
+    "float | None": lambda text: _number(text) if text else None,
+}
+"""From the text of a cell, by the annotation of its field."""
+
+
+def _cell(value: object) -> object:
+    return "" if value is None or (isinstance(value, float) and math.isnan(value)) else value

@@ -1,0 +1,21 @@
+"""What a normalised score of 1 is on every target; 0 is the target's zero action."""
+
+from __future__ import annotations
+
+DM_CONTROL = 1000.0
+"""The most a suite task can give: 1 for each of 1000 steps (Tassa et al. 2018)."""
+
+BEST = {
+    "InvertedPendulum-v5": (1000.0, "the task's maximum"),  # 1 for each of 1000 steps
+    "InvertedDoublePendulum-v5": (9360.0, "the task's maximum"),  # upright and still for 1000 steps
+    "Hopper-v5": (3500.0, "about what converged training reaches, Haarnoja et al. 2018"),
+}
+
+
+def best(target: str, seen: float) -> tuple[float, str]:
+    """The upper reference and where it comes from; the best run seen if nothing is known."""
+    if target.startswith("dm_control/"):
+        return DM_CONTROL, "the suite's maximum"
+    if target in BEST:
+        return BEST[target]
+    return seen, "the best run in this matrix"

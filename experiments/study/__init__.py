@@ -1,0 +1,1 @@
+"""The tables of a study's README, computed from its rows."""

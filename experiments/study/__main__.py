@@ -1,0 +1,56 @@
+"""Write the tables of a study's README from its rows, or check that they say what the rows say.
+
+`python -m experiments.study core_dyna` writes them, `python -m experiments.study --all --check` checks every study.
+"""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from experiments.study.readme import render
+from experiments.study.rooms import find, names
+from transferkit.errors import TransferkitError
+
+if TYPE_CHECKING:
+    from experiments.study.rooms import Study
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Write or check; the exit status is 1 if a README differs from its rows, 2 if there is no such study."""
+    parser = argparse.ArgumentParser(prog="experiments.study", description=__doc__)
+    parser.add_argument("claim", nargs="*", help="a folder of experiments/studies")
+    parser.add_argument("--all", action="store_true", help="every study")
+    parser.add_argument("--check", action="store_true", help="change nothing; fail if a table differs from its rows")
+    options = parser.parse_args(arguments)
+    if options.all == bool(options.claim):
+        parser.error("name a study, or pass --all")
+    try:
+        studies = [find(name) for name in (names() if options.all else options.claim)]
+        return max([check(study) if options.check else write(study) for study in studies])
+    except TransferkitError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+
+
+def write(study: Study) -> int:
+    """Replace the tables of a README."""
+    study.readme.write_text(render(study), encoding="utf-8")
+    return 0
+
+
+def check(study: Study) -> int:
+    """Print how a README differs from its rows; 1 if it does."""
+    stands, computed = study.readme.read_text(encoding="utf-8"), render(study)
+    name = f"{study.folder.name}/README.md"
+    lines = difflib.unified_diff(stands.splitlines(), computed.splitlines(), name, f"{name}, computed", lineterm="", n=0)
+    for line in lines:
+        print(line)
+    return int(stands != computed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,193 @@
+"""The kinds of tables in a study's README, each a function of the study and of what the README says about the table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
+from experiments.report.tables import arm_rows, mean_interval
+from experiments.report.verdict import NONE, SCRATCH, TRANSFER, paired
+from experiments.study.cells import CELLS, by_member, difference, interval, whole
+from experiments.study.rooms import StudyError
+from transferkit import stats
+
+if TYPE_CHECKING:
+    from experiments.matrix.table import Row
+    from experiments.report.comparisons import Group
+    from experiments.study.rooms import Study
+
+Lines = list[list[str]]
+"""A table: its header, then its rows."""
+
+ARMS = {
+    TRANSFER: "core",
+    SCRATCH: "scratch",
+    "scratch-matched": "scratch, as many parameters",
+    "random": "random core",
+    "random-matched": "random core, matched",
+    "shuffled": "shuffled core",
+    "frozen": "core, frozen",
+    "frozen-random": "random core, frozen",
+    "constant": "constant Gaussian",
+    "padded": "core, padded observations",
+    "random-action": "random actions",
+    ZERO_ACTION: "zero action",
+}
+"""Arms in the order of tables, and their names there."""
+
+
+def runs(study: Study, by: Sequence[str], columns: Mapping[str, str], against: Mapping[str, object] | None = None) -> Lines:
+    """A line for every combination of the columns `by`; `columns` maps headings to cells, `against` picks the other runs."""
+    lines = [[*by, *columns]]
+    for key in _keys(study.rows, by):
+        own = _select(study.rows, dict(zip(by, key, strict=True)))
+        others = _select(study.rows, {"target": own[0].target, **against}) if against else []
+        lines.append([*map(_code, by, key), *(CELLS[cell](study, own, others) for cell in columns.values())])
+    return lines
+
+
+def cross(
+    study: Study,
+    by: Sequence[str],
+    columns: Mapping[str, Mapping[str, object]],
+    cell: str,
+    where: Mapping[str, object] | None = None,
+) -> Lines:
+    """A line for every combination of the columns `by`, and a cell for every column's selection of its runs.
+
+    `where` narrows all runs. Runs without a core belong to the lines of every core.
+    """
+    rows, lines = _select(study.rows, where or {}), [[" on ".join(by), *columns]]
+    for key in _keys(rows, by):
+        own = _select(rows, dict(zip(by, key, strict=True)))
+        picked = [_select(own, column) for column in columns.values()]
+        lines.append([" on ".join(map(_code, by, key)), *(CELLS[cell](study, each, []) if each else "-" for each in picked)])
+    return lines
+
+
+def arms(study: Study, over: str, columns: Mapping[str, str], between: Sequence[str] = ()) -> Lines:
+    """A line for every arm, and two columns for every target or trainer (`over`): the arm, and the core minus it.
+
+    `columns` maps headings to targets or trainers. `between` adds the paired difference of two of them.
+    """
+    groups = {name: _only(group for group in study.groups if getattr(group, over) == name) for name in columns.values()}
+    rows = {name: {str(row["arm"]): row for row in arm_rows(group)} for name, group in groups.items()}
+    several = len({row["n"] for own in rows.values() for arm, row in own.items() if arm not in UNTRAINED}) > 1
+    lines = [["policy", *(text for heading in columns for text in (heading, "core minus it")), *_heading(columns, between)]]
+    for arm, word in ARMS.items():
+        if any(arm in own for own in rows.values()):
+            cells = [text for name in columns.values() for text in _arm_cells(rows[name].get(arm), several=several)]
+            lines.append([word, *cells, *_between(groups, between, arm)])
+    verdicts = [text for group in groups.values() for text in (_verdict(group), "")]
+    return [*lines, ["verdict", *verdicts, *([""] if between else [])]]
+
+
+def cores(study: Study, targets: Sequence[str], *, training: bool = False) -> Lines:
+    """A line for every target and core: its final evaluation, its differences to scratch and a random core, the verdict.
+
+    The difference to the random core has Holm's correction over the controls that were run. `training` adds the differences
+    of the mean of all training episodes.
+    """
+    more = ["all episodes, minus scratch", "minus random core"] if training else []
+    lines = [["target", "core", "core's return", "minus scratch", "minus random core", "verdict", *more]]
+    for target in targets:
+        for group in (group for group in study.groups if group.target == target and group.core):
+            own, random = _arm_cells(arm_rows(group)[0], several=False)[0], group.verdict.controls.get("random")
+            cells = [own, difference(group.verdict.scratch), difference(random), _verdict(group)]
+            if training:
+                cells += [difference(_paired(group, arm, "all_mean")) for arm in (SCRATCH, "random")]
+            lines.append([target, f"`{group.core}`", *cells])
+    return lines
+
+
+def published(study: Study) -> Lines:
+    """The paper's measure beside the figures of `published.csv`, whose lines say which runs to take.
+
+    Returns of 0 or less count as -10 in lines that are edited, by the values of `edited.csv`.
+    """
+    edited = {line["id"]: float(line["last_50_edited"]) for line in study.lines("edited")}
+    plain = {row.id: row.last_50_mean for row in study.rows}
+    lines = [["", "paper, n 5", "the paper's code, run here", "here"]]
+    for line in study.lines("published"):
+        own = _select(study.rows, {name: line[name] for name in ("target", "trainer", "arm", "core")})
+        scores = by_member(own, edited if line["edited"] else plain)
+        low, high = mean_interval(scores)
+        assert low is not None
+        assert high is not None
+        here = f"{interval(float(scores.mean()), low, high)}, n {scores.size}"
+        lines.append([line["label"], line["paper"], line["code"] or "-", here])
+    return lines
+
+
+KINDS: Mapping[str, Callable[..., Lines]] = {
+    "runs": runs,
+    "cross": cross,
+    "arms": arms,
+    "cores": cores,
+    "published": published,
+}
+
+
+def _keys(rows: Iterable[Row], by: Sequence[str]) -> list[tuple[str, ...]]:
+    """Every combination of these columns that was trained, sorted."""
+    return sorted({tuple(str(getattr(row, name)) for name in by) for row in rows if row.arm not in UNTRAINED})
+
+
+def _select(rows: Iterable[Row], picked: Mapping[str, object]) -> list[Row]:
+    """The runs with these values; runs without a core belong to every core."""
+    return [
+        row
+        for row in rows
+        if all(getattr(row, name) == value or (name == "core" and not row.core) for name, value in picked.items())
+    ]
+
+
+def _only(groups: Iterable[Group]) -> Group:
+    found = list(groups)
+    if len(found) != 1:
+        raise StudyError(f"a column of this table stands for {len(found)} comparisons; it must be one")
+    return found[0]
+
+
+def _code(column: str, value: str) -> str:
+    return f"`{value}`" if column == "core" else value
+
+
+def _arm_cells(row: Mapping[str, object] | None, *, several: bool) -> tuple[str, str]:
+    """Mean of an arm, and the core minus it; `several` adds the number of runs."""
+    if row is None:
+        return "-", "-"
+    mean, low, high, found, found_low, found_high = (
+        row[name] for name in ("mean", "mean_low", "mean_high", "difference", "difference_low", "difference_high")
+    )
+    assert isinstance(mean, float)
+    if not isinstance(low, float) or not isinstance(high, float):
+        return whole(mean), "-"
+    own = interval(mean, low, high) + (f", n {row['n']}" if several else "")
+    if isinstance(found, float) and isinstance(found_low, float) and isinstance(found_high, float):
+        return own, interval(found, found_low, found_high)
+    return own, "-"
+
+
+def _heading(columns: Mapping[str, str], between: Sequence[str]) -> list[str]:
+    words = {name: heading for heading, name in columns.items()}
+    return [" minus ".join(words[name] for name in between)] if between else []
+
+
+def _between(groups: Mapping[str, Group], names: Sequence[str], arm: str) -> list[str]:
+    if not names:
+        return []
+    scores = [groups[name].scores[arm] for name in names if arm in groups[name].scores]
+    return [difference(stats.paired_difference(*scores)) if len(scores) == 2 else "-"]
+
+
+def _paired(group: Group, arm: str, measure: str) -> stats.Difference:
+    """The core minus an arm in one measure of their runs, without correction."""
+    scores = paired({name: group.grid(name, measure) for name in (TRANSFER, arm)}, (TRANSFER, arm))
+    return stats.paired_difference(scores[TRANSFER], scores[arm])
+
+
+def _verdict(group: Group) -> str:
+    kind = group.verdict.kind if group.verdict.kind == NONE else f"**{group.verdict.kind}**"
+    return f"{kind}, own task" if group.own_task else kind

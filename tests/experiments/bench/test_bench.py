@@ -1,0 +1,29 @@
+import pytest
+
+from experiments.bench.__main__ import BENCHES, main
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("ppo", ("env steps per second", "(must be 1.3)", "transferkit zoo list")),
+        ("dyna", ("stable-baselines3 TD3", "an update of an ensemble", "matrix products alone")),
+        ("record", ("Hopper-v5: recording takes", "KB per 1,000 steps")),
+        ("report", ("report of 20 runs",)),
+        ("matrix", ("2 cells: 2 workers are", "a cell costs")),
+        ("paper", ("PPOPT, paper preset", "dyna-ddpg, Hopper-v5: after")),
+    ],
+)
+def test_a_bench_runs_and_prints(name, words, capfd, monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
+    assert main([name, "--tiny"]) == 0
+    printed = capfd.readouterr().out
+    for word in words:
+        assert word in printed
+
+
+def test_the_help_lists_every_bench(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    printed = capsys.readouterr().out
+    assert all(f"  {name}" in printed for name in BENCHES)

@@ -1,0 +1,92 @@
+import itertools
+import json
+import shutil
+
+import pytest
+
+from experiments.matrix.cell_folder import CELLS, SET_ASIDE, pack, read_cell, unpack
+from experiments.matrix.grid_toml import load_cells
+from experiments.matrix.results import collect, read_results
+from experiments.matrix.runner import damages, run_cell
+from transferkit.errors import RunDirectoryError
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "what"),
+    [
+        ("run/policy.safetensors", lambda data: data[:-100], "policy.safetensors: "),
+        ("run/policy.safetensors", lambda _: None, "policy.safetensors: "),
+        ("run/run.json", lambda _: None, "run.json is missing"),
+        ("run/run.json", lambda data: data.replace(b'"versions": {', b'"versions": [], "v": {'), "run.json: "),
+        ("run/episodes.csv", lambda data: data.replace(b"return", b"reward"), "episodes.csv: "),
+        ("run/episodes.csv", lambda data: data.replace(b"\n1,", b"\nnan,", 1), "episodes.csv: ValueError: a number is not"),
+        ("run/episodes.csv", lambda data: data[: data.rindex(b"\n", 0, -1) + 1], "episodes.csv: ValueError: it does not have"),
+        ("run/result.json", lambda data: data.replace(b"steps", b"step"), "result.json: KeyError"),
+        ("run/result.json", lambda data: data[:9], "result.json: "),
+        ("run/result.json", lambda _: None, "result.json: "),
+        ("cell.json", lambda data: data.replace(b'"arm"', b'"arms"'), "cell.json: KeyError: 'arm'"),
+        ("cell.json", lambda _: None, "cell.json: "),
+        ("cell.json", lambda data: data.replace(b'"seed": 0', b'"seed": 1', 1), "cell.json describes another run"),
+        ("run/evaluations.csv", lambda data: data.replace(b",n\n", b",m\n"), "evaluations.csv: "),
+        ("run/result.json", lambda data: data.replace(b'"eval_episodes": 2', b'"eval_episodes": 3'), "evaluations.csv: "),
+        ("speed.json", lambda data: data[:5], "speed.json: "),
+    ],
+)
+def test_damage_is_named_by_its_file(results, tmp_path, name, change, what):
+    cell = next(cell for cell in load_cells(results / "grid.toml") if cell.arm == "scratch")
+    where = tmp_path / CELLS / cell.id
+    shutil.copytree(results / CELLS / cell.id, where)
+    assert read_results(tmp_path).damaged == {}
+    data = change((where / name).read_bytes())
+    (where / name).unlink()
+    if data is not None:
+        (where / name).write_bytes(data)
+    assert read_results(tmp_path).damaged[where].startswith(what)
+
+
+def test_damaged_runs_enter_no_table_and_run_again(copy):
+    with_episodes = (path for path in sorted((copy / CELLS).glob("*/run/episodes.csv")) if path.read_text().count("\n") > 3)
+    short, forged, cut, *more = itertools.islice(with_episodes, 5)
+    short.write_text(short.read_text()[:40])
+    (forged.parent / "result.json").write_text((forged.parent / "result.json").read_text().replace("seconds", "second"))
+    cell = cut.parents[1] / "cell.json"
+    cell.write_text(cell.read_text().replace('"seed": ', '"seed": 7'))
+    (more[0].parents[1] / "cell.json").unlink()
+    (more[1].parent / "evaluations.csv").write_text("".join((more[1].parent / "evaluations.csv").open().readlines()[:-1]))
+    found = read_results(copy)
+    assert len(found.finished) == 11 - 5
+    assert len(found.damaged) == 5
+    assert all("without --dry-run" in line for line in damages(copy, found, move=False))
+    assert len(damages(copy, found, move=True)) == len(list((copy / SET_ASIDE).iterdir())) == 5
+    done = {row.id for row in found.finished}
+    todo = [cell for cell in load_cells(copy / "grid.toml") if cell.id not in done]
+    assert [run_cell(cell, copy, "the command").error for cell in todo] == [""] * 5
+    assert len(collect(copy)) == 11
+
+
+def test_a_run_without_its_last_file_is_not_done_and_goes_on(copy):
+    cell = load_cells(copy / "grid.toml")[0]
+    where = copy / CELLS / cell.id
+    (where / "speed.json").unlink()
+    assert read_cell(where) is None
+    before = (where / "run" / "result.json").read_bytes()
+    assert run_cell(cell, copy, "the command").error == ""
+    assert (where / "run" / "result.json").read_bytes() == before
+    assert read_cell(where).finished
+
+
+def test_a_cell_of_an_earlier_version_is_refused(copy):
+    where = next((copy / CELLS).iterdir())
+    data = json.loads((where / "cell.json").read_text())
+    del data["config"]["network"]
+    (where / "cell.json").write_text(json.dumps(data))
+    with pytest.raises(RunDirectoryError, match="was made by an earlier version"):
+        read_results(copy)
+
+
+def test_a_cell_travels_as_its_files(results, tmp_path):
+    where = next(path for path in (results / CELLS).iterdir() if (path / "run" / "episodes.csv").exists())
+    files = pack(where)
+    assert [*files][-1] == "speed.json"  # what makes it finished comes last
+    unpack(tmp_path / where.name, files)
+    assert repr(read_cell(tmp_path / where.name)) == repr(read_cell(where))
