@@ -103,7 +103,7 @@ _HOMES = {
 }
 _HOME = {name: f"transferkit.{module}" for module, names in _HOMES.items() for name in names}
 
-__version__ = "0.2.0.dev0"
+__version__ = "0.2.0"
 
 
 def __getattr__(name: str) -> object:

@@ -1,5 +1,5 @@
 """What a type checker needs to know of imageio_ffmpeg, which has no types."""
 
-from typing import Any
+from _typeshed import Incomplete
 
-def write_frames(path: str, size: tuple[int, int], *, fps: float, macro_block_size: int) -> Any: ...
+def write_frames(path: str, size: tuple[int, int], *, fps: float, macro_block_size: int) -> Incomplete: ...
