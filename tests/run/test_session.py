@@ -38,10 +38,11 @@ def test_steps_and_episodes_of_each_environment_are_booked(session):
     with made.running():
         for index, reward, ends in ((0, 1.0, {}), (1, 5.0, {}), (0, 2.0, {"terminated": True}), (1, -1.0, {"truncated": True})):
             step(made, index, reward, **ends)
+        step(made, 0, 7.0, terminated=True)  # the next episode starts from nothing
     columns = ("episode", "env_index", "return", "length", "terminated", "steps")
     rows = [[row[name] for name in columns] for row in read_table(made.directory.path, EpisodeRow)]
-    assert rows == [[1, 0, 3.0, 2, 1, 3], [2, 1, 4.0, 2, 0, 4]]
-    assert (made.spent.episodes, made.spent.steps) == (2, 4)
+    assert rows == [[1, 0, 3.0, 2, 1, 3], [2, 1, 4.0, 2, 0, 4], [3, 0, 7.0, 1, 1, 5]]
+    assert (made.spent.episodes, made.spent.steps) == (3, 5)
 
 
 def test_the_budget_is_reached_at_its_very_step(session):
