@@ -1,4 +1,4 @@
-"""Write the tables of a study's README from its rows, or check that they say what the rows say.
+"""Write the tables and the figure of a study's README from its rows, or check that they say what the rows say.
 
 `python -m experiments.study core_dyna` writes them, `python -m experiments.study --all --check` checks every study.
 """
@@ -37,8 +37,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def write(study: Study) -> int:
-    """Replace the tables of a README."""
+    """Replace the tables of a README, and draw the figure of a study that keeps evaluations."""
     study.readme.write_text(render(study), encoding="utf-8")
+    if study.curves:
+        from experiments.study.figure import draw  # noqa: PLC0415 - matplotlib
+
+        draw(study).savefig(study.folder / "figure.png", dpi=90)
     return 0
 
 

@@ -47,15 +47,18 @@ class Study:
 
     @functools.cached_property
     def curves(self) -> Mapping[str, Sequence[Mapping[str, float]]]:
-        """Evaluations during training, by the id of the run."""
+        """Evaluations during training, by the id of the run; empty if the study keeps none."""
         found: dict[str, list[dict[str, float]]] = {}
         for line in self.lines("curves"):
             found.setdefault(line.pop("id"), []).append({name: float(value) for name, value in line.items()})
         return found
 
     def lines(self, name: str) -> list[dict[str, str]]:
-        """Another table of the folder, as text."""
-        with (self.folder / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+        """Another table of the folder, as text; empty if there is none."""
+        path = self.folder / f"{name}.csv"
+        if not path.exists():
+            return []
+        with path.open(newline="", encoding="utf-8") as file:
             return list(csv.DictReader(file))
 
 

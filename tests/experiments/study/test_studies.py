@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from experiments.matrix.cell import Cell
-from experiments.study.__main__ import check, main
+from experiments.study.__main__ import check, main, write
+from experiments.study.figure import draw
 from experiments.study.rooms import STUDIES, Study, StudyError, find, names
 from transferkit.config import PRESETS
 
@@ -88,3 +89,14 @@ def test_a_table_that_cannot_be_made_is_named(tmp_path, spec):
     study.readme.write_text(f"<!-- table\n{spec}\n-->\n<!-- end -->\n")
     with pytest.raises(StudyError):
         check(study)
+
+
+def test_a_figure_ends_at_the_numbers_of_the_table(tmp_path):
+    study = copy_of("anchor", tmp_path)
+    (study.folder / "figure.png").unlink()
+    assert write(study) == 0
+    assert (study.folder / "figure.png").exists()
+    two_poles, cart_pole = draw(study).axes
+    assert two_poles.get_title() == "InvertedDoublePendulum-v5"
+    ends = {line.get_label(): round(line.get_ydata()[-1]) for line in cart_pole.get_lines()}
+    assert ends == {"core, anchor 0.1": 985, "scratch, anchor 0.1": 280, "core, no anchor": 771}
