@@ -2,10 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help quickstart install test lint docs bench lock clean
+.PHONY: help quickstart install test lint docs studies bench lock clean
 
 help:
-	@echo "make quickstart | test | lint | docs | bench | lock | clean"
+	@echo "make quickstart | test | lint | docs | studies | bench | lock | clean"
 
 .venv/.uv:
 	$(PYTHON) -m venv .venv
@@ -33,6 +33,9 @@ lint: install
 
 docs: install
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+
+studies: install
+	$(BIN)/python -m experiments.study --all --check
 
 bench: install
 	$(BIN)/python -m experiments.bench

@@ -3,6 +3,7 @@ import pytest
 
 from tests.toys import Counter
 from transferkit import evaluate
+from transferkit.errors import SettingError
 from transferkit.evaluation import Evaluation, RandomPolicy, ZeroPolicy
 
 IDP = "InvertedDoublePendulum-v5"
@@ -13,6 +14,11 @@ def test_evaluation_episodes_depend_on_their_number_alone():
     assert evaluate(ZeroPolicy(1), IDP, episodes=5, seed=3).returns == whole.returns[:5]
     assert evaluate(ZeroPolicy(1), IDP, episodes=5, seed=4).returns != whole.returns[:5]
     assert whole.scores()["return_low"] < whole.mean < whole.scores()["return_high"]
+
+
+def test_no_episode_is_no_evaluation():
+    with pytest.raises(SettingError, match=r"^episodes=0 must be at least 1$"):
+        evaluate(ZeroPolicy(1), IDP, episodes=0)
 
 
 def test_returns_and_lengths_are_in_the_order_of_the_episodes():

@@ -1,5 +1,7 @@
+import pytest
 import torch
 
+from transferkit.errors import SettingError
 from transferkit.streams import Streams
 
 
@@ -13,3 +15,8 @@ def test_streams_are_named_independent_and_repeatable():
     assert not torch.equal(draws[0], draws[2])
     numbers = [stream.numpy("a").random(3).tolist() for stream in (one, same, other)]
     assert numbers[0] == numbers[1] != numbers[2]
+
+
+def test_a_negative_seed_is_refused():
+    with pytest.raises(SettingError, match=r"^seed=-1 must be at least 0$"):
+        Streams(-1)

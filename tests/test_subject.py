@@ -101,7 +101,7 @@ def test_a_core_plays_its_source_or_is_wrapped(full_core_folder):
     assert evaluate(own.policy, own.env, episodes=1).mean == 1000
     assert (wrapped.env, wrapped.policy.obs_dim) == (ENV, 9)
     assert load_subject(str(full_core_folder)).value(torch.zeros(2, 4), torch.zeros(2, 1)).shape == (2,)
-    with pytest.raises(UnknownNameError, match="unknown core 'nothing-v1'"):
+    with pytest.raises(UnknownNameError, match="unknown run or core 'nothing-v1'"):
         load_subject("nothing-v1")
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from transferkit import stats
 from transferkit.envs.make import make_env
 from transferkit.envs.rollout import rollout
+from transferkit.errors import SettingError
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
@@ -90,7 +91,12 @@ def evaluate(
         episodes: how many.
         seed: of the episodes' starts; training never uses these streams.
         clip_actions: as the policy was trained.
+
+    Raises:
+        SettingError: less than one episode, or a negative seed.
     """
+    if episodes < 1:
+        raise SettingError("episodes", value=episodes, allowed="at least 1")
     streams = Streams(seed)
     pool = [make_env(env if isinstance(env, str) else env(), clip_actions=clip_actions) for _ in range(min(POOL, episodes))]
     returns, lengths = np.zeros(episodes), np.zeros(episodes, int)

@@ -44,7 +44,7 @@ class Deployed(nn.Module):
         return self.centre + self.half_range * self.policy(observation)[0].clamp(-1.0, 1.0)
 
 
-def export_onnx(subject: Subject, path: Path) -> float:
+def export_onnx(subject: Subject, path: str | Path) -> float:
     """Write normaliser, adapters, core and scaling as one ONNX file, with the names of its inputs and outputs.
 
     Returns the largest difference to torch over 1,000 random observations.
@@ -53,6 +53,7 @@ def export_onnx(subject: Subject, path: Path) -> float:
         ConfigError: the file exists, or ONNX is not installed.
         RunDirectoryError: the exported file does not act as the policy does.
     """
+    path = Path(path)
     if path.exists():
         raise ConfigError(f"{path} exists", remedy="choose another {out}")
     onnx, runtime, _ = (_module(name) for name in ("onnx", "onnxruntime", "onnxscript"))  # torch exports through the last

@@ -7,11 +7,19 @@ import zlib
 import numpy as np
 import torch
 
+from transferkit.errors import SettingError
+
 
 class Streams:
-    """Named random streams spawned from one seed (numpy's `SeedSequence`); the same name gives the same stream."""
+    """Named random streams spawned from one seed (numpy's `SeedSequence`); the same name gives the same stream.
+
+    Raises:
+        SettingError: the seed is negative.
+    """
 
     def __init__(self, seed: int) -> None:
+        if seed < 0:
+            raise SettingError("seed", value=seed, allowed="at least 0")
         self.seed = seed
 
     def integer(self, name: str, *index: int) -> int:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.config import TrainConfig
-from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError
+from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import evaluate
 from transferkit.nn import Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
@@ -43,7 +43,10 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
         return _run_subject(Path(name), env, values=values)
     member = member or 0
-    core = load_core(name)
+    try:
+        core = load_core(name)
+    except UnknownNameError as error:
+        raise UnknownNameError("run or core", name, error.known, topic=error.topic) from None
     home = core.spec.env_id
     about = {"core": core.id, "core_digest": core.digest, "member": member}
     if env is None or env == home:

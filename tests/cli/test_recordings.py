@@ -35,7 +35,7 @@ def test_a_core_becomes_a_file_and_a_dataset(capsys, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        pytest.param("record nothing-v1 --out x.mcap", "unknown core 'nothing-v1'", id="core"),
+        pytest.param("record nothing-v1 --out x.mcap", "unknown run or core 'nothing-v1'", id="core"),
         pytest.param("record inverted-pendulum-v1 --episodes 0 --out x.mcap", "--episodes=0 must be at least 1", id="episodes"),
         pytest.param("record inverted-pendulum-v1 --out no/x.mcap", "choose an --out in a folder that exists", id="folder"),
         pytest.param("replay nothing.mcap", "cannot read nothing.mcap: No such file", id="replay"),

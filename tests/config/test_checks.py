@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import pytest
 
+from transferkit.config import ModelConfig, NetworkConfig
 from transferkit.config.checks import Range, check
 from transferkit.errors import SettingError
 
@@ -82,3 +83,9 @@ def test_what_does_not_fit_names_the_setting_the_value_and_what_is_allowed(name,
         check(Sample(**{name: value}), "part")
     error = caught.value
     assert (error.what, error.value, error.allowed) == (f"part.{name}", pytest.approx(value, nan_ok=True), wanted)
+
+
+@pytest.mark.parametrize("kind", [NetworkConfig, ModelConfig])
+def test_networks_need_a_hidden_layer(kind):
+    with pytest.raises(SettingError, match=r"hidden=\(\) must be at least one number"):
+        kind(hidden=())

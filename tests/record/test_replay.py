@@ -52,5 +52,5 @@ def test_dm_control_is_recorded_under_its_id(tmp_path):
     subject = load_subject("inverted-pendulum-v1", env="dm_control/cartpole-balance-v0")
     record_episodes(subject, tmp_path / "twin.mcap")
     assert read(tmp_path / "twin.mcap").about["env"] == "dm_control/cartpole-balance-v0"
-    found = replay_recording(tmp_path / "twin.mcap")
+    found = replay_recording(str(tmp_path / "twin.mcap"))
     assert (found.steps, found.difference) == (1000, "")

@@ -73,3 +73,11 @@ def test_every_difference_of_two_configurations_is_named(tmp_path):
         f"run {tmp_path} was made with another configuration: env is None there and 'x' here, overrides.ppo.gamma is 0.9 there "
         "and 0.8 here, seed is 0 there and 1 here; resume with its own values, or start anew with another out"
     )
+
+
+def test_a_difference_of_the_policy_is_named_only_if_it_is_the_only_one(tmp_path):
+    recorded = {"env": "a", "policy": {"obs_dim": 4}}
+    with pytest.raises(RunDirectoryError, match=r"configuration: policy.obs_dim is 4 there and 11 here; resume"):
+        check_same(tmp_path, recorded, {"env": "a", "policy": {"obs_dim": 11}})
+    with pytest.raises(RunDirectoryError, match="configuration: env is 'a' there and 'b' here; resume"):
+        check_same(tmp_path, recorded, {"env": "b", "policy": {"obs_dim": 11}})

@@ -38,12 +38,14 @@ AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE = Range(1), Range(0), Range(0, open_low=Tru
 SHARE, RATE = Range(0, 1), Range(0, 1, open_low=True)
 
 
-def check(config: object, section: str = "") -> None:
-    """Check every field of a configuration against its annotation.
+def check(config: object, section: str = "", *, not_empty: str = "") -> None:
+    """Check every field of a configuration against its annotation; the field `not_empty` needs at least one item.
 
     Raises:
         SettingError: a value has another type, is not among the choices, or is out of its range.
     """
+    if not_empty and getattr(config, not_empty) == ():
+        raise SettingError(f"{section}.{not_empty}", value=(), allowed="at least one number")
     for name, hint in _hints(type(config)).items():
         value, setting = getattr(config, name), f"{section}.{name}" if section else name
         if wanted := _unfit(value, hint):

@@ -113,7 +113,7 @@ class ModelConfig:
     """Predict in units of the targets' own deviations."""
 
     def __post_init__(self) -> None:
-        check(self, "model")
+        check(self, "model", not_empty="hidden")
 
 
 @dataclass(frozen=True)

@@ -30,4 +30,4 @@ class NetworkConfig:
     """Keep a running mean and variance of observations inside the policy."""
 
     def __post_init__(self) -> None:
-        check(self, "network")
+        check(self, "network", not_empty="hidden")

@@ -136,7 +136,7 @@ def preset_version(algo: Algorithm, name: str) -> str:
     newest = [version for version in versions if version.rpartition("-v")[0] == name]
     if not newest:
         families = dict.fromkeys(version.rpartition("-v")[0] for version in versions)
-        raise UnknownNameError(f"preset of {algo}", name, [*families, *versions], topic="presets")
+        raise UnknownNameError(f"preset of {algo}", name, [*families, *versions])
     return max(newest, key=lambda version: int(version.rpartition("-v")[2]))
 
 

@@ -171,11 +171,11 @@ def _check_combinations(config: TrainConfig) -> None:
         if limit is not None and limit not in POSITIVE:
             raise SettingError(name, value=limit, allowed=str(POSITIVE))
     if config.stop_at is not None and not config.eval_every:
-        raise ConfigError(f"stop_at={config.stop_at:g} is compared with evaluations", remedy="give {eval_every} too")
+        raise ConfigError(f"{{stop_at={config.stop_at:g}}} is compared with evaluations", remedy="give {eval_every} too")
     if config.experience and config.algo != "dyna-ddpg":
         raise ConfigError(f"{config.algo} does not learn from recordings", remedy="use {algo=dyna-ddpg}, or no {experience}")
     if config.mapping and not config.experience:
-        raise ConfigError(f"mapping={config.mapping} has no recordings to read", remedy="give {experience} too")
+        raise ConfigError(f"{{mapping={config.mapping}}} has no recordings to read", remedy="give {experience} too")
     if config.model.loss == "squared-error":
         _check_squared_error(config)
 

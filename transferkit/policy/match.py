@@ -122,7 +122,7 @@ def match_for(adapter: str, source: IOSpec, target: IOSpec) -> Match | None:
         return result
     if adapter == "semantic":
         raise ConfigError(
-            f"wrap.adapter='semantic': nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
+            f"{{wrap.adapter=semantic}}: nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
             remedy="use {wrap.adapter=random}",
         )
     return None

@@ -53,7 +53,7 @@ class Played:
     total: float
 
 
-def record_episodes(subject: Subject, path: Path, *, episodes: int = 1, seed: int = 0) -> list[Played]:
+def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, seed: int = 0) -> list[Played]:
     """Play episodes with the deterministic action and write them; episode k starts as it does in an evaluation with the seed.
 
     Raises:
@@ -79,7 +79,7 @@ def record_episodes(subject: Subject, path: Path, *, episodes: int = 1, seed: in
         "clip_actions": subject.clip_actions,
         **(subject.about or {}),
     }
-    with closing(env), Recorder(path, about(spec, **more), names, spec.time_step) as recorder:
+    with closing(env), Recorder(Path(path), about(spec, **more), names, spec.time_step) as recorder:
         tape = _Tape(recorder, subject, simulation, Streams(seed))
         for step in rollout(subject.policy, [env], tape.seed_of, episodes=episodes, on_reset=tape.begin):
             tape.add(step)

@@ -125,12 +125,13 @@ def records(path: Path) -> Iterator[Any]:
             raise
 
 
-def read_transitions(path: Path, spec: IOSpec) -> Transitions:
+def read_transitions(path: str | Path, spec: IOSpec) -> Transitions:
     """Read the steps of one of our recordings, for an environment that must be the one it was made in.
 
     Raises:
         RecordingError: another tool's file, another environment or version of it, no steps, or NaN.
     """
+    path = Path(path)
     contents = read(path)
     recorded = spec_of(contents, path)
     check_spec(recorded, spec, path)

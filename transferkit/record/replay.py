@@ -47,12 +47,13 @@ class Replayed:
     """Packages whose versions differ: recorded, and here."""
 
 
-def replay_recording(path: Path, *, on_frame: OnFrame | None = None, render: bool = False) -> Replayed:
+def replay_recording(path: str | Path, *, on_frame: OnFrame | None = None, render: bool = False) -> Replayed:
     """Reset to every episode's seed and first state, apply its actions, and compare states, observations and rewards.
 
     Raises:
         RecordingError: no recording of ours, or nothing whole in it.
     """
+    path = Path(path)
     contents = read(path)
     spec = spec_of(contents, path)
     if not contents.steps:

@@ -165,7 +165,9 @@ def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any
     Raises:
         RunDirectoryError: they differ.
     """
-    different = sorted(_differences(recorded, json.loads(json.dumps(dict(config)))))
+    config = json.loads(json.dumps(dict(config)))
+    different = sorted(_differences(recorded, config))
+    different = [what for what in different if not what.startswith("policy.")] or different  # which only follows from them
     if different:
         raise RunDirectoryError(
             f"run {path} was made with another configuration: {', '.join(different)}",
