@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import gymnasium
 import numpy as np
@@ -28,3 +29,15 @@ def test_an_exported_policy_plays_the_bare_environment(tmp_path):
     assert evaluate(subject.policy, "InvertedPendulum-v5", episodes=1).mean == 1000
     with pytest.raises(ConfigError, match="exists; choose another out"):
         export_onnx(subject, tmp_path / "policy.onnx")
+
+
+def test_a_policy_whose_actions_are_not_clipped_is_exported_so(tmp_path):
+    subject = load_subject("inverted-pendulum-v1")
+    observation = np.array([[0.0, 3.0, 0.0, 9.0]], np.float32)
+    limits = {}
+    for clip in (True, False):
+        path = tmp_path / f"{clip}.onnx"
+        export_onnx(replace(subject, clip_actions=clip), path)
+        (action,) = onnxruntime.InferenceSession(path).run(["action"], {"observation": observation})
+        limits[clip] = float(np.abs(action).max())
+    assert limits[True] == 3.0 < limits[False]

@@ -58,7 +58,11 @@ def test_a_ctrl_c_waits_also_where_another_thread_gets_it():
         time.sleep(0.1)
         steps.append("afterwards")
 
-    with pytest.raises(KeyboardInterrupt), _held_interrupts():
-        start()
-    over.set()
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt), _held_interrupts():
+            start()
+    finally:
+        signal.signal(signal.SIGINT, before)
+        over.set()
     assert steps == ["afterwards"]

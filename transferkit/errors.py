@@ -13,7 +13,7 @@ from typing import Any
 
 _OPTION = re.compile(r"\{([\w.]+)(?:=([^}]*))?\}")
 NOT_GIVEN = ...
-"""Stands for a value that an error has none of."""
+"""The error has no value."""
 
 FEW = 12
 """Known names that are listed if none is near."""

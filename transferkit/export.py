@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.files import check_new
 from transferkit.policy.health import play
 from transferkit.record.format import Names
 from transferkit.versions import versions
@@ -27,21 +28,22 @@ PARITY_ROWS = 1000
 """Random observations on which an exported file is compared with torch."""
 
 
-class Deployed(nn.Module):
-    """Raw observations `(B, obs_dim)` to controls `(B, act_dim)` in the actuators' own units."""
+class ExportedPolicy(nn.Module):
+    """A policy from raw observations `(B, obs_dim)` to controls `(B, act_dim)` in the actuators' own units."""
 
     centre: Tensor
     half_range: Tensor
 
-    def __init__(self, policy: Policy, low: Tensor, high: Tensor) -> None:
+    def __init__(self, policy: Policy, low: Tensor, high: Tensor, *, clip: bool) -> None:
         super().__init__()
-        self.policy = policy
+        self.policy, self.clip = policy, clip
         self.register_buffer("centre", (low + high) / 2)
         self.register_buffer("half_range", (high - low) / 2)
 
     def forward(self, observation: Tensor) -> Tensor:
-        """Compute the deterministic action, clipped and scaled."""
-        return self.centre + self.half_range * self.policy(observation)[0].clamp(-1.0, 1.0)
+        """Compute the deterministic action, clipped as it is in the environment, and scaled."""
+        action = self.policy(observation)[0]
+        return self.centre + self.half_range * (action.clamp(-1.0, 1.0) if self.clip else action)
 
 
 def export_onnx(subject: Subject, path: str | Path) -> float:
@@ -50,26 +52,25 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
     Returns the largest difference to torch over 1,000 random observations.
 
     Raises:
-        ConfigError: the file exists, or ONNX is not installed.
+        ConfigError: the file exists, its folder does not, or ONNX is not installed.
         RunDirectoryError: the exported file does not act as the policy does.
     """
     path = Path(path)
-    if path.exists():
-        raise ConfigError(f"{path} exists", remedy="choose another {out}")
+    check_new(path, "out")
     onnx, runtime, _ = (_module(name) for name in ("onnx", "onnxruntime", "onnxscript"))  # torch exports through the last
     spec = derive_spec(subject.env)
     low, high = (torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high"))
-    deployed = Deployed(subject.policy, low, high).eval()
+    exported = ExportedPolicy(subject.policy, low, high, clip=subject.clip_actions).eval()
     observation = _random_observations(subject.env)
-    model = _program(deployed, observation[:2]).model_proto
+    model = _program(exported, observation[:2]).model_proto
     onnx.helper.set_model_props(model, _properties(subject, spec, low, high))
     data = model.SerializeToString()
     session = runtime.InferenceSession(data, providers=["CPUExecutionProvider"])
     with torch.no_grad():
-        expected = deployed(observation)
+        expected = exported(observation)
     answer = torch.from_numpy(session.run(["action"], {"observation": observation.numpy()})[0])
     difference = float((answer - expected).abs().max())
-    if not difference <= 1e-3 * float(deployed.half_range.max()):
+    if not difference <= 1e-3 * float(exported.half_range.max()):
         raise RunDirectoryError(
             f"the exported policy differs from torch by {difference:.2g}, so nothing is written", remedy="report it"
         )
@@ -77,10 +78,10 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
     return difference
 
 
-def _program(deployed: Deployed, observation: Tensor) -> torch.onnx.ONNXProgram:
+def _program(exported: ExportedPolicy, observation: Tensor) -> torch.onnx.ONNXProgram:
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns that torchvision is not there
     program = torch.onnx.export(
-        deployed,
+        exported,
         (observation,),
         dynamo=True,
         external_data=False,

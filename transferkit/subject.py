@@ -18,6 +18,7 @@ from transferkit.record.play import Subject
 from transferkit.run import POLICY, RECORD, read_record
 from transferkit.streams import Streams
 from transferkit.zoo.artifact import load_core
+from transferkit.zoo.catalog import find_card
 
 if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation
@@ -51,7 +52,8 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
     about = {"core": core.id, "core_digest": core.digest, "member": member}
     if env is None or env == home:
         value = core.critic(member).value if "critic" in core.ensembles else None
-        return Subject(core.policy(member), home, value, about=about)
+        clip = TrainConfig.from_json(find_card(name).config).env_config.clip_actions
+        return Subject(core.policy(member), home, value, clip, about)
     return Subject(wrap(core, env, member=member), env, about=about)
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -13,6 +12,8 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
+
+from transferkit.errors import InterruptedRunError
 
 GRACE = 15.0
 """Seconds that a worker has to save its run once its parent is gone."""
@@ -35,7 +36,8 @@ def import_beside(*modules: str) -> None:
 def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Fresh processes, no more than jobs, that save and stop when their parent is gone: the next call finds their runs free.
 
-    Ctrl-C ends the calling process with status 130.
+    Raises:
+        InterruptedRunError: Ctrl-C; the workers have saved and stopped.
     """
     with ProcessPoolExecutor(workers, _CONTEXT, initializer=_stop_with_parent) as pool:
         try:
@@ -45,8 +47,7 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
             yield pool
         except KeyboardInterrupt:
             _stop(multiprocessing.active_children())
-            print("stopped; what the workers had is saved, and the same command goes on", file=sys.stderr)
-            raise SystemExit(130) from None
+            raise InterruptedRunError("stopped; what the workers had is saved", remedy="the same command goes on") from None
 
 
 @contextmanager

@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from experiments.flags import in_flags
-from transferkit.errors import TransferkitError
+from transferkit.cli.wording import flag
+from transferkit.errors import InterruptedRunError, TransferkitError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -36,8 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("stopped; the same command goes on", file=sys.stderr)
         return 130
     except TransferkitError as error:
-        print(f"error: {error.worded(in_flags)}", file=sys.stderr)
-        return 2
+        print(f"error: {error.worded(flag)}", file=sys.stderr)
+        return 130 if isinstance(error, InterruptedRunError) else 2
     except BrokenProcessPool:
         print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)
         return 1

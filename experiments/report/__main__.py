@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.flags import in_flags
+from transferkit.cli.wording import flag
 from transferkit.errors import TransferkitError
 
 
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("stopped; nothing was reported", file=sys.stderr)
         return 130
     except TransferkitError as error:
-        print(f"error: {error.worded(in_flags)}", file=sys.stderr)
+        print(f"error: {error.worded(flag)}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from experiments.study.readme import render
 from experiments.study.rooms import find, names
+from transferkit.cli.wording import flag
 from transferkit.errors import TransferkitError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         studies = [find(name) for name in (names() if options.all else options.claim)]
         return max([check(study) if options.check else write(study) for study in studies])
     except TransferkitError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {error.worded(flag)}", file=sys.stderr)
         return 2
 
 

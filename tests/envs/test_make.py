@@ -42,3 +42,15 @@ def test_actions_are_scaled_to_the_bounds_and_clipped():
     assert env.unwrapped.data.ctrl[0] == 1.5
     env.step(np.array([-7.0], np.float32))
     assert env.unwrapped.data.ctrl[0] == -3.0
+
+
+def test_an_environment_under_the_contract_keeps_it_and_can_be_asked_not_to_clip():
+    clipped = make_env("InvertedPendulum-v5")
+    assert make_env(clipped) is clipped
+    unclipped = make_env(clipped, clip_actions=False)
+    assert make_env(unclipped, clip_actions=False) is unclipped
+    assert make_env(unclipped) is unclipped
+    for env, newtons in ((clipped, 3.0), (unclipped, 6.0)):
+        env.reset(seed=0)
+        env.step(np.array([2.0]))
+        assert env.unwrapped.data.ctrl == [newtons]

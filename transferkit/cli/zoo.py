@@ -22,10 +22,10 @@ def main(arguments: Sequence[str]) -> Answer:
     actions.add_parser("list", help="one line a core")
     show = actions.add_parser("show", help="everything about a core")
     show.add_argument("id")
-    verify = actions.add_parser("verify", help="check hashes, schema and probe outputs, and roll out the stated score")
+    verify = actions.add_parser("verify", help="check hashes, schema and probe outputs")
     verify.add_argument("ids", nargs="*", metavar="ID")
     verify.add_argument("--all", action="store_true", help="every core of the zoo")
-    verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source again")
+    verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source, against the card")
     options = flags.parse_args(arguments)
     return {"list": _list, "show": _show, "verify": _verify}[options.action](options)
 

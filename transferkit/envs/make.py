@@ -53,7 +53,7 @@ def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_a
     """
     raw = _from_id(env, render_mode) if isinstance(env, str) else env
     if isinstance(raw, Contract):
-        return raw
+        return raw if clip_actions or not raw.clip else Contract(raw.env, clip=False)
     name = env if isinstance(env, str) else _name(raw)
     for what, space, bounded in (("action", raw.action_space, True), ("observation", raw.observation_space, False)):
         if not isinstance(space, Box) or len(space.shape) != 1 or (bounded and not space.is_bounded()):
@@ -81,7 +81,7 @@ class Contract(gymnasium.Wrapper):
         self.observation_space = Box(-np.inf, np.inf, observations.shape, np.float32)
         low, high = actions.low.astype(np.float64), actions.high.astype(np.float64)
         self._centre, self._half_range = (low + high) / 2, (high - low) / 2
-        self._limit = 1.0 if clip else np.inf
+        self.clip, self._limit = clip, 1.0 if clip else np.inf
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

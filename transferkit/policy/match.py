@@ -15,8 +15,8 @@ sine or cosine of one; sines and cosines of the target are first turned into ang
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,10 +61,6 @@ class Match:
     def holds(self) -> bool:
         """Whether at least one core input and one action mean something in the target."""
         return any(form != "none" for form in self.form) and bool(np.any(self.action_weight))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return JSON-ready data."""
-        return asdict(self)
 
 
 def match(source: IOSpec, target: IOSpec) -> Match:

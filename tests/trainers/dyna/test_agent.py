@@ -192,3 +192,14 @@ def test_an_agent_goes_on_from_its_state(agent):
         made.learn()
     assert torch.equal(one.critic(torch.ones(2, 4), torch.ones(2, 1)), two.critic(torch.ones(2, 4), torch.ones(2, 1)))
     assert np.array_equal(one.explore(np.ones((1, 4), np.float32)), two.explore(np.ones((1, 4), np.float32)))
+
+
+def test_an_agent_that_has_met_a_reward_remembers_it_when_its_buffer_does_not(agent):
+    one = agent(buffer_size=20)
+    one.buffer.add(drawn(Streams(1).torch("ending"))._replace(terminated=torch.ones(())))
+    assert not one.unrewarded
+    for _ in range(20):
+        one.buffer.add(Batch(torch.zeros(4), torch.zeros(1), torch.zeros(()), torch.zeros(4), torch.zeros(())))
+    other = agent(buffer_size=20)
+    other.restore(one.state())
+    assert (one.unrewarded, other.unrewarded) == (False, False)

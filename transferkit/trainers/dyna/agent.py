@@ -174,6 +174,7 @@ class Agent:
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
             "warming_up": self._warming_up,
+            "rewarded": self._rewarded,
             "losses": self.losses,
         }
 
@@ -187,6 +188,7 @@ class Agent:
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
         self._warming_up = state["warming_up"]
+        self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
         self.losses = dict(state["losses"])
 
     def _fit(self) -> None:
