@@ -14,7 +14,8 @@ help:
 
 .venv/.installed: .venv/.uv requirements.lock pyproject.toml
 	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --compile-bytecode -r requirements.lock
-	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --no-deps -e .
+	# "compat" is a plain path, which also wins in the folder above a clone named transferkit.
+	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --no-deps --config-setting editable_mode=compat -e .
 	@touch $@
 
 install: .venv/.installed
