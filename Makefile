@@ -12,9 +12,9 @@ help:
 	$(BIN)/python -m pip install --quiet "uv>=0.8,<1"
 	@touch $@
 
+# "compat" is a plain path, which also wins in the folder above a clone named transferkit.
 .venv/.installed: .venv/.uv requirements.lock pyproject.toml
 	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --compile-bytecode -r requirements.lock
-	# "compat" is a plain path, which also wins in the folder above a clone named transferkit.
 	VIRTUAL_ENV=.venv $(BIN)/uv pip install --quiet --no-deps --config-setting editable_mode=compat -e .
 	@touch $@
 

@@ -25,7 +25,7 @@ from transferkit.zoo.card import Card, Score
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.policy.saved import Component
-    from transferkit.run import Report, Result
+    from transferkit.run import Result
 
 SCORE_SEED = 1
 """Evaluation seed of the stated score; evaluations during training use 0."""
@@ -58,7 +58,7 @@ class Recipe:
         return f"{self.name}-v{self.version}"
 
 
-def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = None) -> Card:
+def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
     """Train, check and write a core; an interrupted call goes on where it stopped.
 
     Raises:
@@ -76,7 +76,7 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
         raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
     if config.algo == "dyna-ddpg":
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
-    results = _train_members(recipe, config, report)
+    results = _train_members(recipe, config)
     policies = [policy for policy in map(load_policy, (r.run_dir for r in results)) if isinstance(policy, ScratchPolicy)]
     returns = [
         evaluate(
@@ -93,10 +93,10 @@ def pretrain(recipe: Recipe, config: TrainConfig, *, report: Report | None = Non
     return save_core(core, _card(recipe, config, core, results, score), folder)
 
 
-def _train_members(recipe: Recipe, config: TrainConfig, report: Report | None) -> list[Result]:
+def _train_members(recipe: Recipe, config: TrainConfig) -> list[Result]:
     jobs = [(replace(config, seed=seed), RUNS / "pretrain" / recipe.id / f"seed{seed}") for seed in recipe.seeds]
     if recipe.workers == 1 or len(jobs) == 1:
-        return [run_training(job, out=out, resume=True, report=report) for job, out in jobs]
+        return [run_training(job, out=out, resume=True) for job, out in jobs]
     with worker_pool(recipe.workers, len(jobs)) as pool:
         return list(pool.map(_train_member, *zip(*jobs, strict=True)))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from transferkit.config import TrainConfig, with_settings
+from transferkit.config import TrainConfig, preset_family, with_settings
 from transferkit.job import Job
 from transferkit.nn import one_thread
 from transferkit.policy.make import new_policy
@@ -117,7 +117,7 @@ def train(
 def default_directory(config: TrainConfig) -> Path:
     """Name a run directory: `runs/<env>_<core or scratch>_<algo>_<preset>_seed<k>`, the preset without its version."""
     core = "scratch" if config.core is None else f"{Path(config.core).name}.{config.member}"
-    env, preset = config.env.replace("/", "-"), config.preset.rpartition("-v")[0]
+    env, preset = config.env.replace("/", "-"), preset_family(config.preset)
     return RUNS / f"{env}_{core}_{config.algo}_{preset}_seed{config.seed}"
 
 

@@ -63,14 +63,14 @@ def _unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is an
         return "" if value in arguments else _choice(value, arguments)
     if kind is tuple:
         reasons = [_unfit(item, arguments[0]) for item in (value if isinstance(value, tuple) else [None])]
-        return next((f"several, each {reason}" for reason in reasons if reason), "")
+        return next((f"a list, each item {reason}" for reason in reasons if reason), "")
     if kind is not None:
         return "" if isinstance(value, kind) else "a table of names and values"
     allowed = (int, float) if hint is float else hint
     return "" if isinstance(value, allowed) and (hint is bool or not isinstance(value, bool)) else WORDS.get(hint, str(hint))
 
 
-WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a text", type(None): "none"}
+WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a string", type(None): "none"}
 
 
 def _out_of_range(value: object, allowed: object) -> str:

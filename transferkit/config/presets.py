@@ -124,6 +124,11 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
 """`default-v1` of PPO was the default until 2026-11-26; `paper-v1` follows the paper's code (docs: departures)."""
 
 
+def preset_family(version: str) -> str:
+    """Name a preset without its version."""
+    return version.rpartition("-v")[0]
+
+
 def preset_version(algo: Algorithm, name: str) -> str:
     """The full name of a preset: `default` and `paper` are their newest versions.
 
@@ -133,9 +138,9 @@ def preset_version(algo: Algorithm, name: str) -> str:
     versions = PRESETS[algo]
     if name in versions:
         return name
-    newest = [version for version in versions if version.rpartition("-v")[0] == name]
+    newest = [version for version in versions if preset_family(version) == name]
     if not newest:
-        families = dict.fromkeys(version.rpartition("-v")[0] for version in versions)
+        families = dict.fromkeys(preset_family(version) for version in versions)
         raise UnknownNameError(f"preset of {algo}", name, [*families, *versions])
     return max(newest, key=lambda version: int(version.rpartition("-v")[2]))
 
@@ -153,5 +158,5 @@ def closest_preset(algo: Algorithm, name: str, sections: Mapping[str, object]) -
         pairs = [(asdict(getattr(preset, section)), vars(sections[section])) for section in USED[algo]]
         return sum(value != given[key] for given, own in pairs for key, value in own.items())
 
-    versions = [version for version in PRESETS[algo] if version.rpartition("-v")[0] == name]
+    versions = [version for version in PRESETS[algo] if preset_family(version) == name]
     return min(reversed(versions or list(PRESETS[algo])), key=differing)

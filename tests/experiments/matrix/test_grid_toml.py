@@ -61,7 +61,7 @@ WRONG = {
     "algo": trainer('algo = "sac"', "trainer: unknown trainer 'sac'"),
     "preset of another trainer": trainer('algo = "dyna-ppo"\npreset = "paper"', "unknown preset of dyna-ppo 'paper'"),
     "negative width": setting('"network.hidden" = [-1]', "network.hidden=.* must be"),
-    "half a width": setting('"network.hidden" = [64, 0.5]', "network.hidden=.* must be several, each a whole number"),
+    "half a width": setting('"network.hidden" = [64, 0.5]', "network.hidden=.* must be a list, each item a whole number"),
     "discount": setting('"ppo.gamma" = 2.0', "ppo.gamma=2.0 must be at least 0 and at most 1"),
     "discount as a list": setting('"ppo.gamma" = [0.9]', "ppo.gamma=.* must be a number"),
     "no discount": setting('"ppo.gamma" = "none"', "ppo.gamma=None must be a number"),
