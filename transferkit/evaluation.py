@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs.make import make_env
-from transferkit.envs.rollout import rollout
+from transferkit.envs import make_env, rollout
 from transferkit.errors import SettingError
 from transferkit.streams import Streams
 
