@@ -63,8 +63,10 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
 
     Raises:
         ArtifactError: the version exists, or a member is below the threshold.
-        ConfigError: a core cannot be made of what the configuration trains.
+        ConfigError: there are no seeds, or a core cannot be made of what the configuration trains.
     """
+    if not recipe.seeds:
+        raise SettingError("seeds", value=(), allowed="at least one number")
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch", remedy="leave out {core}")
     if config.algo != "ppo" and config.model.predict == "state":

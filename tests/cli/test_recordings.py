@@ -43,6 +43,10 @@ def test_a_core_becomes_a_file_and_a_dataset(capsys, tmp_path, monkeypatch):
         pytest.param("recover nothing.mcap", "cannot read nothing.mcap: No such file", id="recover"),
         pytest.param("plot nothing.mcap", "cannot read nothing.mcap: No such file", id="plot"),
         pytest.param("export a b --out x.onnx", "2 policies do not fit into one file; export them one by one", id="export"),
+        pytest.param("export x.mcap --minari mine", "Minari dataset='mine' must be a name with a version", id="dataset"),
+        pytest.param(
+            "pretrain --env Hopper-v5 --steps 9 --name x --threshold 1 --seeds", "--seeds=() must be at least one", id="seeds"
+        ),
         pytest.param("train --env Hopper-v5 --steps 9 --record always", "--record='always' must be every=N", id="record"),
         pytest.param("train --env Hopper-v5 --steps 9 --experience x.mcap", "use --algo dyna-ddpg", id="experience"),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import logging
+import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -30,8 +31,11 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
     """Write recordings of one environment as a local Minari dataset; returns its steps.
 
     Raises:
-        RecordingError: Minari is not installed, the dataset exists, or the recordings do not fit together.
+        RecordingError: Minari is not installed, the dataset exists or has no version in its name, or the recordings do not
+            fit together.
     """
+    if not re.search(r"-v\d+$", dataset):  # Minari fails after it has made the folder
+        raise RecordingError("Minari dataset", value=dataset, allowed="a name with a version, such as hopper/mine-v0")
     minari = _minari()
     spec = spec_of(read(paths[0], about_only=True), paths[0])
     buffers = [buffer for path in paths for buffer in _whole_episodes(path, spec)]
