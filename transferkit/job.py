@@ -53,7 +53,7 @@ class Job:
     def check(self) -> None:
         """Refuse a budget, a device or a policy that does not fit, before anything is written."""
         config, policy, env = self.config, self.policy, self.make_env()
-        Budget(config.episodes, config.steps, config.seconds)
+        self._budget()
         _device(config.device)
         needed = dims(env)
         env.close()
@@ -105,9 +105,8 @@ class Job:
     def session(self, directory: RunDirectory, trainer: Trainer, report: Report | None) -> Session:
         """Make the session that counts the run's experience."""
         config = self.config
-        budget = Budget(config.episodes, config.steps, config.seconds)
         schedule = Schedule(config.eval_every, config.stop_at, config.checkpoint_seconds)
-        return Session(directory, budget, trainer.num_envs, evaluate=self.evaluate, schedule=schedule, report=report)
+        return Session(directory, self._budget(), trainer.num_envs, evaluate=self.evaluate, schedule=schedule, report=report)
 
     def evaluate(self, session: Session) -> Scores:
         """Evaluate the policy as it would be loaded, and record an episode if one is due."""
@@ -141,6 +140,9 @@ class Job:
             run_dir=str(self.out),
             prior_steps=sum(entry["steps"] for entry in ledger),
         )
+
+    def _budget(self) -> Budget:
+        return Budget(self.config.episodes, self.config.steps, self.config.seconds)
 
 
 def _device(name: str) -> torch.device:

@@ -17,3 +17,11 @@ def run_json(capsys, *arguments):
     code, out, err = run(capsys, *arguments, "--json")
     assert code == 0, err
     return json.loads(out)
+
+
+def refusal(capsys, *arguments):
+    """What a command says of a mistake: exit code 2, one line, and nothing on standard output."""
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    return err
