@@ -10,7 +10,7 @@ from tests.runs import assert_same_run, interrupt_at
 from transferkit import load_policy, run_training
 from transferkit.config import TrainConfig, with_settings
 from transferkit.errors import InterruptedRunError, RunDirectoryError
-from transferkit.files import read_json, write_json
+from transferkit.files import write_json
 from transferkit.run import load_state, save_state
 from transferkit.subject import evaluate_run
 
@@ -48,7 +48,7 @@ def old_configuration(new):
 
 def into_old_layout(run):
     """Rewrite the record of a run, and its checkpoint if it was stopped, as version 0.1 wrote them."""
-    record = read_json(run / "run.json")
+    record = json.loads((run / "run.json").read_text())
     old = old_configuration(record["config"])
     architecture = old["policy"].get("architecture", {})
     if architecture.get("initialization") == "paper":

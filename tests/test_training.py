@@ -1,6 +1,6 @@
 """Whole runs, small."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import pytest
 import torch
@@ -14,7 +14,7 @@ from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryErr
 from transferkit.evaluation import evaluate
 from transferkit.files import read_json
 from transferkit.policy.saved import load_saved
-from transferkit.run import EpisodeRow, EvaluationRow, load_state, read_table
+from transferkit.run import EpisodeRow, EvaluationRow, Result, load_state, read_record, read_table
 
 IDP, CORE = "InvertedDoublePendulum-v5", "inverted-pendulum-v1"
 PPO = {"ppo.epochs": 2}
@@ -46,14 +46,13 @@ def test_budgets_are_exact(tmp_path, num_envs, budget):
     settings = {"ppo.num_envs": num_envs, "ppo.rollout_steps": 64, "ppo.epochs": 1}
     result = run_training(small(settings=settings, **{"steps": None, **budget}), out=tmp_path / "run")
     rows = read_table(tmp_path / "run", EpisodeRow)
-    assert result.episodes == len(rows)
-    assert [row["episode"] for row in rows] == list(range(1, len(rows) + 1))
+    assert rows["episode"].tolist() == list(range(1, result.episodes + 1))
     if "episodes" in budget:
-        assert len(rows) == 7
-        assert rows[-1]["steps"] == result.steps
+        assert result.episodes == 7
+        assert rows["steps"][-1] == result.steps
     else:
         assert result.steps == 1001
-    ended = sum(row["length"] for row in rows)
+    ended = sum(rows["length"])
     assert ended <= result.steps < ended + 1000 * num_envs
 
 
@@ -78,7 +77,7 @@ def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, config, steps):
     done = run_training(config, out=tmp_path / "cut", resume=True)
     assert run_training(config, out=tmp_path / "cut", resume=True) == done  # finished: no more work
     assert_same_run(tmp_path / "whole", tmp_path / "cut")
-    assert set(load_saved(tmp_path / "whole")["parts"]) == BESIDE[config.algo]
+    assert set(load_saved(tmp_path / "whole").parts) == BESIDE[config.algo]
 
 
 def test_a_run_killed_before_its_first_checkpoint_starts_again(tmp_path):
@@ -108,10 +107,10 @@ def test_a_run_is_resumed_with_its_own_settings_only(tmp_path):
 def test_the_record_is_the_configuration_and_the_result_is_the_evaluation(tmp_path):
     config = small(steps=300, core=CORE, env=IDP)
     result = run_training(config, out=tmp_path / "run")
-    record = read_json(tmp_path / "run/run.json")["config"]
+    record = read_record(tmp_path / "run")
     assert TrainConfig.from_json(record) == config
     assert record["core_digest"] == result.core_digest == load_core(CORE).digest
-    assert asdict(result) == read_json(tmp_path / "run/result.json")
+    assert result == read_json(tmp_path / "run/result.json", Result)
     scores = evaluate(load_policy(tmp_path / "run"), IDP, episodes=2).scores()
     assert (result.eval_return_mean, result.eval_return_std) == (scores["return_mean"], scores["return_std"])
     assert result.preset == "default-v2"
@@ -119,8 +118,7 @@ def test_the_record_is_the_configuration_and_the_result_is_the_evaluation(tmp_pa
 
 def test_training_stops_at_an_evaluation_that_is_good_enough(tmp_path):
     result = run_training(small(stop_at=1.0), out=tmp_path / "run")
-    steps = [int(row["steps"]) for row in read_table(tmp_path / "run", EvaluationRow)]
-    assert steps == [0, 512]
+    assert read_table(tmp_path / "run", EvaluationRow)["steps"].tolist() == [0, 512]
     assert result.steps == 512
     assert run_training(small(stop_at=1e6), out=tmp_path / "whole").steps == 1001
 

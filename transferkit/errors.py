@@ -15,6 +15,9 @@ _OPTION = re.compile(r"\{([\w.]+)(?:=([^}]*))?\}")
 NOT_GIVEN = ...
 """The error has no value."""
 
+LONGEST = 1000
+"""Characters of a message's parts."""
+
 FEW = 12
 """Known names that are listed if none is near."""
 
@@ -25,6 +28,13 @@ Spelling = Callable[[str, str | None], str]
 def in_python(name: str, value: str | None) -> str:
     """An option as a keyword argument."""
     return name if value is None else f"{name}={value}"
+
+
+def printable(text: str, longest: int | None = None) -> str:
+    """Text from a file as a terminal may show it: what is no letter, digit, sign or space is escaped."""
+    if longest is not None and len(text) > longest:
+        text = f"{text[:longest]}..."
+    return text if text.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -55,7 +65,8 @@ class TransferkitError(Exception):
     def worded(self, spell: Spelling, *more: str) -> str:
         """One line, with options as `spell` writes them, followed by `more` that the front end knows."""
         remedy = _OPTION.sub(lambda match: spell(match[1], match[2]), self.remedy)
-        return "; ".join(filter(None, (self._problem(spell), remedy, *more))).replace("?; ", "? ")
+        problem = printable(self._problem(spell), LONGEST)
+        return "; ".join(filter(None, (problem, printable(remedy, LONGEST), *more))).replace("?; ", "? ")
 
     def _problem(self, spell: Spelling) -> str:
         what = _OPTION.sub(lambda match: spell(match[1], match[2]), self.what)

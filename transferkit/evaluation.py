@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs import make_env, rollout
-from transferkit.errors import SettingError
+from transferkit.envs import dims, make_env, rollout
+from transferkit.errors import DimensionError, NotFiniteError, SettingError
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ def evaluate(
     episodes: int = EPISODES,
     seed: int = 0,
     clip_actions: bool = True,
+    max_episode_steps: int | None = None,
+    report: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
     """Play episodes with the policy's deterministic action.
 
@@ -90,18 +92,42 @@ def evaluate(
         episodes: how many.
         seed: of the episodes' starts; training never uses these streams.
         clip_actions: as the policy was trained.
+        max_episode_steps: truncate episodes here; see `make_env`.
+        report: called after every step with the episodes that ended and the steps so far.
 
     Raises:
         SettingError: less than one episode, or a negative seed.
+        DimensionError: the policy does not fit the environment.
+        NotFiniteError, EnvironmentContractError: the policy or the environment returned what it must not.
     """
     if episodes < 1:
         raise SettingError("episodes", value=episodes, allowed="at least 1")
-    streams = Streams(seed)
-    pool = [make_env(env if isinstance(env, str) else env(), clip_actions=clip_actions) for _ in range(min(POOL, episodes))]
-    returns, lengths = np.zeros(episodes), np.zeros(episodes, int)
-    for step in rollout(policy, pool, lambda episode: streams.integer("evaluation", episode), episodes=episodes):
+    streams, options = Streams(seed), {"clip_actions": clip_actions, "max_episode_steps": max_episode_steps}
+    pool = [make_env(env if isinstance(env, str) else env(), **options) for _ in range(min(POOL, episodes))]
+    check_fits(policy, pool[0])
+    returns, lengths, ended = np.zeros(episodes), np.zeros(episodes, int), 0
+    for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
         returns[step.episode] += step.reward
         lengths[step.episode] += 1
+        ended += step.done
+        if report is not None:
+            report(ended, steps)
     for env_k in pool:
         env_k.close()
+    if not np.isfinite(returns).all():
+        raise NotFiniteError("the return of an episode is infinite", remedy="check the environment's rewards")
     return Evaluation(tuple(returns.tolist()), tuple(lengths.tolist()))
+
+
+def check_fits(policy: object, env: gymnasium.Env) -> None:
+    """Compare the dimensions that a policy states, if it does, with an environment's.
+
+    Raises:
+        DimensionError: they differ.
+    """
+    needed, stated = dims(env), (getattr(policy, "obs_dim", None), getattr(policy, "act_dim", None))
+    if any(has not in (None, needs) for has, needs in zip(stated, needed, strict=True)):
+        raise DimensionError(
+            f"the policy takes {stated[0]} observations, {stated[1]} actions; the environment has {needed[0]} and {needed[1]}",
+            remedy="build one for it with wrap(core, env)",
+        )

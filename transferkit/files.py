@@ -5,11 +5,17 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.reading import FormatError, parse, read_bytes, sealed, typed, unsealed
+
+T = TypeVar("T")
+
+LARGEST = 16 * 2**20
+"""Bytes of a JSON file or a table."""
 
 
 def check_new(path: Path, option: str) -> None:
@@ -57,20 +63,36 @@ def writing(path: Path) -> Iterator[None]:
         ) from error
 
 
-def write_json(path: Path, data: object) -> None:
-    """Write strict JSON (no NaN), indented."""
-    write_atomically(path, (json.dumps(data, indent=2, allow_nan=False) + "\n").encode())
+def write_json(path: Path, data: Mapping[str, Any]) -> None:
+    """Write strict JSON (no NaN), indented, with a digest of its content."""
+    write_atomically(path, (json.dumps(sealed(data), indent=2, allow_nan=False) + "\n").encode())
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """Read a JSON file of a run.
+def read_json(path: Path, kind: type[T]) -> T:
+    """Read a JSON file of a run as a value of this type, after its digest if it has one.
 
     Raises:
         RunDirectoryError: it is missing or damaged.
     """
+    with damaged_run(path):
+        return typed(unsealed(parse(read_bytes(path, LARGEST), dict[str, Any])), kind)
+
+
+MISFITS = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError)
+"""What data of the right types can still raise where it is taken over: torch's and numpy's words for what does not fit."""
+
+
+@contextlib.contextmanager
+def damaged_run(path: Path) -> Iterator[None]:
+    """Turn what is wrong with a run's file into one line that names it, while it is read and taken over."""
     try:
-        return json.loads(path.read_text())
-    except OSError:
+        yield
+    except FileNotFoundError:
         raise RunDirectoryError(f"{path.parent} holds no {path.name}", remedy="name the directory of a training run") from None
-    except ValueError as error:
-        raise RunDirectoryError(f"{path} is damaged ({error})", remedy="train again into another {out}") from None
+    except OSError as error:
+        raise RunDirectoryError(f"{path} cannot be read: {error.strerror}") from None
+    except MISFITS as error:
+        reason = str(error) if isinstance(error, FormatError) else f"{type(error).__name__}: {error}"
+        raise RunDirectoryError(
+            f"{path} is damaged ({' '.join(reason.split())[:200]})", remedy="train again into another {out}"
+        ) from None

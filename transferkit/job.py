@@ -18,8 +18,19 @@ from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.policy.saved import as_saved, state_of
 from transferkit.record.experience import load_experience
-from transferkit.record.play import record_evaluation
-from transferkit.run import CHECKPOINT, RECORD, RESULT, Result, RunDirectory, Schedule, Session, check_same, read_record
+from transferkit.record.play import Subject, record_evaluation
+from transferkit.run import (
+    CHECKPOINT,
+    RECORD,
+    RESULT,
+    Result,
+    RunDirectory,
+    Schedule,
+    Session,
+    check_same,
+    read_beside,
+    read_record,
+)
 from transferkit.streams import Streams
 from transferkit.trainers.make import make_trainer
 
@@ -48,7 +59,7 @@ class Job:
     def make_env(self) -> gymnasium.Env:
         """Make one environment under the contract."""
         raw = self.env if isinstance(self.env, str) else self.env()
-        return make_env(raw, clip_actions=self.config.env_config.clip_actions)
+        return make_env(raw, **asdict(self.config.env_config))
 
     def check(self) -> None:
         """Refuse a budget, a device or a policy that does not fit, before anything is written."""
@@ -70,7 +81,7 @@ class Job:
         if not config.experience:
             return None, []
         if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
-            return None, read_record(out).get("recordings", [])
+            return None, [asdict(recording) for recording in read_beside(read_record(out)).recordings]
         transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(config.env))
         if len(transitions) > config.dyna.buffer_size:
             least = f"at least the {len(transitions)} steps of experience"
@@ -85,7 +96,7 @@ class Job:
             return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
         recorded = read_record(self.out)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
-        before["policy"] = migrated_blueprint(recorded["policy"])
+        before["policy"] = migrated_blueprint(read_beside(recorded).policy)
         check_same(self.out, before, identity(self.config) | made_of)
         return RunDirectory.resume(self.out)
 
@@ -113,8 +124,8 @@ class Job:
         policy, config = as_saved(self.policy), self.config
         if self.record_every and session.evaluations % self.record_every == 0:
             about = {"run": str(self.out), "core": config.core, "training_seed": config.seed}
-            clip = config.env_config.clip_actions
-            record_evaluation(policy, config.env, about, self.out, session.spent.steps, clip_actions=clip)
+            subject = Subject(policy, config.env, **asdict(config.env_config), about={**about, "steps": session.spent.steps})
+            record_evaluation(subject, self.out, session.spent.steps)
         return evaluate(policy, self.make_env, episodes=config.eval_episodes).scores()
 
     def trained(self, trainer: Trainer) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
+from transferkit.config import TrainConfig
 from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
 from transferkit.record.reader import read, spec_of
 from transferkit.run import EpisodeRow, EvaluationRow, ModelRow, read_record, read_table
@@ -20,6 +21,9 @@ from numpy.typing import NDArray
 
 WINDOW = 20
 """Episodes of the running mean."""
+
+Table = Mapping[str, NDArray[np.float64]]
+"""A run's table by column."""
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 """Okabe and Ito's colour-blind safe palette."""
@@ -56,18 +60,18 @@ def draw_run(run: Path, path: Path) -> None:
     Raises:
         RunDirectoryError: there is no run, or no finished episode yet.
     """
-    record = read_record(run)
-    if not read_table(run, EpisodeRow):
+    config = TrainConfig.from_json(read_record(run))
+    if not len(read_table(run, EpisodeRow)["episode"]):
         raise RunDirectoryError(f"{run} has no finished episode yet", remedy="train longer, then plot")
-    model = read_table(run, ModelRow) if (run / f"{ModelRow.table}.csv").exists() else []
-    rows = 2 if model else 1
-    figure, axes = plt.subplots(rows, 3 if model else 2, figsize=(12, 4 * rows), layout="constrained", squeeze=False)
+    model = read_table(run, ModelRow) if ModelRow.file(run).exists() else None
+    rows, panels = (1, 2) if model is None else (2, 3)
+    figure, axes = plt.subplots(rows, panels, figsize=(12, 4 * rows), layout="constrained", squeeze=False)
     _draw_returns(axes[0], run, "training", COLOURS[0])
     _draw_evaluations(axes[0][:2], read_table(run, EvaluationRow))
-    figure.suptitle(f"{record['env']}, {record['algo']}, {record['core'] or 'scratch'}, seed {record['seed']}")
+    figure.suptitle(f"{config.env}, {config.algo}, {config.core or 'scratch'}, seed {config.seed}")
     axes[0][0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
     axes[0][0].legend()
-    if model:
+    if model is not None:
         axes[0][2].set_axis_off()
         _draw_model(axes[1], model)
     _save(figure, path)
@@ -81,27 +85,29 @@ def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
     """
     contents = read(recording)
     spec = spec_of(contents, recording)
-    steps = [step for step in contents.steps if step["episode"] == episode]
+    steps = [step for step in contents.steps if step.episode == episode]
     if not steps:
         raise RecordingError(f"{recording} has no step of episode {episode}", remedy="use {episode=0}")
-    panels = [name for name in TRACES if steps[0].get(name)]
+    panels = [name for name in TRACES if getattr(steps[0], name)]
     figure, axes = plt.subplots(len(panels) + 1, 1, figsize=(11, 2.4 * len(panels) + 2.4), sharex=True, layout="constrained")
     seconds = np.arange(len(steps)) * (spec.time_step or 1.0)
     for axis, name in zip(axes, panels, strict=False):
-        _draw_traces(axis, seconds, name, [step[name] for step in steps])
-    axes[-1].plot(seconds, [step["reward"] for step in steps], color=COLOURS[0], label="reward")
-    if "value" in steps[0]:
-        axes[-1].plot(seconds, [step["value"] for step in steps], "--", color=COLOURS[1], label="value, in the critic's scale")
+        _draw_traces(axis, seconds, name, [getattr(step, name) for step in steps])
+    axes[-1].plot(seconds, [step.reward for step in steps], color=COLOURS[0], label="reward")
+    if steps[0].value is not None:
+        values = [np.nan if step.value is None else step.value for step in steps]
+        axes[-1].plot(seconds, values, "--", color=COLOURS[1], label="value, in the critic's scale")
     axes[-1].legend(loc="upper left", fontsize="x-small")
     axes[-1].set_xlabel("simulated seconds" if spec.time_step else "steps")
-    figure.suptitle(f"{spec.env_id}, episode {episode}: return {steps[-1]['return']:.1f}")
+    figure.suptitle(f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}")
     _save(figure, path)
 
 
 def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Sequence[Mapping[str, float]]) -> None:
     for k, element in enumerate(list(rows[0])[:MOST_TRACES]):
         style = ("-", "--", ":")[k // len(COLOURS)]
-        axis.plot(seconds, [row[element] for row in rows], style, color=COLOURS[k % len(COLOURS)], label=element, linewidth=1)
+        values, colour = [row.get(element, np.nan) for row in rows], COLOURS[k % len(COLOURS)]
+        axis.plot(seconds, values, style, color=colour, label=element, linewidth=1)
     more = f", first {MOST_TRACES} of {len(rows[0])}" if len(rows[0]) > MOST_TRACES else ""
     axis.set_ylabel(f"{name.replace('_', ' ')}{more}")
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="x-small")
@@ -120,29 +126,27 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def _draw_returns(axes: Sequence[Axes], run: Path, label: str, colour: str) -> None:
-    rows = read_table(run, EpisodeRow)
-    returns = np.array([row["return"] for row in rows])
+    table = read_table(run, EpisodeRow)
+    returns = table["return"]
     window = np.ones(min(WINDOW, len(returns)))
     mean = np.convolve(returns, window) / np.convolve(np.ones(len(returns)), window)
     for axis, x, name in zip(axes, ("episode", "steps"), ("training episodes", "environment steps"), strict=False):
-        xs = [row[x] for row in rows]
-        axis.plot(xs, returns, ".", color=colour, alpha=0.25, markersize=4)
-        axis.plot(xs, mean[: len(returns)], color=colour, label=label)
+        axis.plot(table[x], returns, ".", color=colour, alpha=0.25, markersize=4)
+        axis.plot(table[x], mean[: len(returns)], color=colour, label=label)
         axis.set_xlabel(name)
 
 
-def _draw_evaluations(axes: Sequence[Axes], rows: Sequence[Mapping[str, float]]) -> None:
+def _draw_evaluations(axes: Sequence[Axes], table: Table) -> None:
+    means = table["return_mean"]
+    spread = np.abs(np.stack((table["return_low"], table["return_high"])) - means)
     for axis, x in zip(axes, ("episodes", "steps"), strict=True):
-        means = np.array([row["return_mean"] for row in rows])
-        spread = np.abs(np.array([[row["return_low"], row["return_high"]] for row in rows]).reshape(-1, 2).T - means)
-        xs = [row[x] for row in rows]
-        axis.errorbar(xs, means, spread, fmt="s", color=COLOURS[1], markersize=4, label="evaluation, 95 % interval")
+        axis.errorbar(table[x], means, spread, fmt="s", color=COLOURS[1], markersize=4, label="evaluation, 95 % interval")
 
 
-def _draw_model(axes: Sequence[Axes], rows: Sequence[Mapping[str, float]]) -> None:
+def _draw_model(axes: Sequence[Axes], table: Table) -> None:
     for axis, (title, columns) in zip(axes, MODEL_PANELS.items(), strict=True):
         for (column, label), colour in zip(columns.items(), COLOURS, strict=False):
-            axis.plot([row["steps"] for row in rows], [row[column] for row in rows], ".-", color=colour, label=label)
+            axis.plot(table["steps"], table[column], ".-", color=colour, label=label)
         axis.set_xlabel("environment steps")
         axis.set_ylabel(title)
         axis.legend()

@@ -19,7 +19,7 @@ from transferkit.policy.saved import load_components, load_policy
 from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
-from transferkit.zoo.artifact import ensemble_card, normalizer_card, policy_card, save_core
+from transferkit.zoo.artifact import ENSEMBLES, ensemble_card, normalizer_card, policy_card, save_core
 from transferkit.zoo.card import Card, Score
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
             config.env,
             episodes=SCORE_EPISODES,
             seed=SCORE_SEED,
-            clip_actions=config.env_config.clip_actions,
+            **asdict(config.env_config),
         ).returns
         for policy in policies
     ]
@@ -139,7 +139,7 @@ def _core(
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
     components = {"policy": policy_card(core.architecture)}
-    components |= {name: ensemble_card(name, architecture) for name, architecture in core.ensembles.items()}
+    components |= {name: ensemble_card(name, core.ensembles[name]) for name in ENSEMBLES if name in core.ensembles}
     if "normalizer" in core.components:
         components["normalizer"] = normalizer_card(core.spec.obs_dim)
     return Card(

@@ -1,15 +1,16 @@
 """What the numbers of an environment mean, as plain data with a JSON round trip.
 
-An `IOSpec` is derived from the physics by `transferkit.envs.probe`; nobody writes one by hand.
+An `IOSpec` is derived from the physics by `transferkit.envs.probe`; nobody writes one by hand. One that comes from a file is
+compared with these annotations, and whatever makes one checks that its parts fit together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
-QUANTITIES = (
+Quantity = Literal[
     "position",
     "velocity",
     "sin",
@@ -20,8 +21,11 @@ QUANTITIES = (
     "force",
     "constant",
     "unknown",
-)
+]
 """What an observation element can be; `force` responds to controls or contacts, `unknown` was not probed."""
+
+
+JointType = Literal["slide", "hinge"]
 
 
 @dataclass(frozen=True)
@@ -33,8 +37,8 @@ class Joint:
     physical system gets the same names in every backend."""
     model_name: str
     """The name in the MuJoCo model."""
-    type: str
-    """`slide` or `hinge`; free and ball joints are split into their slides and hinges."""
+    type: JointType
+    """Free and ball joints are split into their slides and hinges."""
     axis: tuple[float, float, float]
     """Unit axis in the world frame at the model's reference pose."""
     parent: str | None
@@ -50,7 +54,7 @@ class Element:
     """One entry of the observation vector."""
 
     name: str
-    quantity: str
+    quantity: Quantity
     joints: tuple[str, ...]
     """Canonical names of the joints it responds to."""
     coefficients: tuple[float, ...]
@@ -58,6 +62,10 @@ class Element:
     offset: float
     """`position`, `velocity`: value at zero."""
     unit: str
+
+    def __post_init__(self) -> None:
+        if self.coefficients and len(self.coefficients) != len(self.joints):
+            raise ValueError(f"element {self.name} has {len(self.coefficients)} coefficients for {len(self.joints)} joints")
 
 
 @dataclass(frozen=True)
@@ -92,6 +100,16 @@ class IOSpec:
     """Control steps until the environment truncates."""
     versions: Mapping[str, str]
 
+    def __post_init__(self) -> None:
+        above: set[str | None] = {None}
+        for joint in self.joints:
+            if joint.parent not in above:
+                raise ValueError(f"joint {joint.name} hangs on {joint.parent}, which is no joint before it")
+            above.add(joint.name)
+        named = {name for element in self.observation for name in element.joints} | {a.joint for a in self.action}
+        if strangers := named - above:
+            raise ValueError(f"the spec has no joint {min(map(str, strangers))}")
+
     @property
     def obs_dim(self) -> int:
         """Length of the observation vector."""
@@ -105,20 +123,3 @@ class IOSpec:
     def to_json(self) -> dict[str, Any]:
         """Return JSON-ready data."""
         return asdict(self)
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> IOSpec:
-        """Rebuild from `to_json`.
-
-        Raises:
-            TypeError, KeyError: the data has other fields than an `IOSpec`.
-        """
-        fields = dict(data)
-        fields["observation"] = tuple(Element(**_tuples(e)) for e in data["observation"])
-        fields["action"] = tuple(Actuator(**a) for a in data["action"])
-        fields["joints"] = tuple(Joint(**_tuples(j)) for j in data["joints"])
-        return cls(**fields)
-
-
-def _tuples(data: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: tuple(value) if isinstance(value, list) else value for key, value in data.items()}

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import logging
+from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.config import TrainConfig
+from transferkit.envs import id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import evaluate
-from transferkit.nn import Critic, Ensemble, EnsembleArchitecture, JointInput, StateCritic
+from transferkit.nn import Critic, Ensemble, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
 from transferkit.policy.saved import load_policy, load_saved
 from transferkit.record.play import Subject
-from transferkit.run import POLICY, RECORD, read_record
+from transferkit.run import POLICY, RECORD, read_beside, read_record
 from transferkit.streams import Streams
 from transferkit.zoo.artifact import load_core
 from transferkit.zoo.catalog import find_card
@@ -48,20 +51,35 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
         core = load_core(name)
     except UnknownNameError as error:
         raise UnknownNameError("run or core", name, error.known, topic=error.topic) from None
-    home = core.spec.env_id
     about = {"core": core.id, "core_digest": core.digest, "member": member}
-    if env is None or env == home:
+    if env is None or env == core.spec.env_id:
+        home = id_from_file(core.spec.env_id, core.id, env)
         value = core.critic(member).value if "critic" in core.ensembles else None
-        clip = TrainConfig.from_json(find_card(name).config).env_config.clip_actions
-        return Subject(core.policy(member), home, value, clip, about)
+        rules = TrainConfig.from_json(find_card(name).config).env_config
+        return Subject(core.policy(member), home, value, **asdict(rules), about=about)
     return Subject(wrap(core, env, member=member), env, about=about)
 
 
-def evaluate_run(run_dir: str | Path, *, episodes: int = 20, seed: int = 0) -> Evaluation:
-    """Evaluate the final policy of a run on its own environment."""
+def evaluate_run(
+    run_dir: str | Path,
+    *,
+    env: str | None = None,
+    episodes: int = 20,
+    seed: int = 0,
+    max_episode_steps: int | None = None,
+    report: Callable[[int, int], None] | None = None,
+) -> Evaluation:
+    """Evaluate the final policy of a run on its own environment, or on one that is named.
+
+    Raises:
+        EnvironmentContractError: its own environment needs a module to be imported, and is not named.
+    """
     config = TrainConfig.from_json(read_record(Path(run_dir)))
-    clip = config.env_config.clip_actions
-    return evaluate(load_policy(run_dir), config.env, episodes=episodes, seed=seed, clip_actions=clip)
+    rules = asdict(config.env_config)
+    if max_episode_steps is not None:
+        rules["max_episode_steps"] = max_episode_steps
+    env = env or id_from_file(config.env, run_dir)
+    return evaluate(load_policy(run_dir), env, episodes=episodes, seed=seed, **rules, report=report)
 
 
 def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
@@ -72,25 +90,25 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
     Raises:
         RunDirectoryError: a wrapped critic cannot be rebuilt, because its core is not what it was.
     """
-    saved, record = load_saved(run_dir)["parts"], read_record(Path(run_dir))
+    saved, record = load_saved(run_dir).parts, read_record(Path(run_dir))
     config = TrainConfig.from_json(record)
     if "value" in saved:
         critic = StateCritic(policy.obs_dim, config.network.hidden, config.network.activation, normalizer=policy.normalizer)
-        critic.load_state_dict(saved["value"]["weights"])
+        critic.load_state_dict(saved["value"].weights)
         return lambda observation, _: critic.value(observation).squeeze(-1)
     if "critic" not in saved:
         return None
-    if architecture := saved["critic"]["architecture"]:
-        critics = Critic(JointInput(policy.normalizer), Ensemble(EnsembleArchitecture.from_json(architecture)))
+    if architecture := saved["critic"].architecture:
+        critics = Critic(JointInput(policy.normalizer), Ensemble(architecture))
     elif config.core is None:
         return None
     else:
-        critics = _wrapped_critic(config, record["core_digest"], policy, run_dir)
-    critics.load_state_dict(saved["critic"]["weights"])
+        critics = _wrapped_critic(config, read_beside(record).core_digest, policy, run_dir)
+    critics.load_state_dict(saved["critic"].weights)
     return critics.value
 
 
-def _wrapped_critic(config: TrainConfig, digest: str, policy: Policy, run_dir: str | Path) -> Critic:
+def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic:
     core = load_core(str(config.core))
     if core.digest != digest:
         raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with", remedy="restore it")
@@ -104,13 +122,14 @@ def _run_subject(run: Path, env: str | None, *, values: bool) -> Subject:
     config = TrainConfig.from_json(record)
     if env not in (None, config.env):
         raise ConfigError(f"run {run} was trained in {config.env} and cannot play {env}", remedy="leave out {env}")
+    home = id_from_file(config.env, run, env)
     policy = load_policy(run)
     digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
     training = {name: getattr(config, name) for name in ("algo", "preset", "core", "member", "seed")}
-    training["core_digest"] = record["core_digest"]
+    training["core_digest"] = read_beside(record).core_digest
     about = {"run": str(run), "policy_sha256": digest, "training": training}
     value = _value(run, policy) if values else None
-    return Subject(policy, config.env, value, config.env_config.clip_actions, about)
+    return Subject(policy, home, value, **asdict(config.env_config), about=about)
 
 
 def _value(run: Path, policy: Policy) -> Value | None:

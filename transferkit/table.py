@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from transferkit.errors import printable
+
 
 def format_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Columns as wide as their longest cell, two spaces apart; numbers to the right."""
-    cells = [[*map(str, header)], *([*map(str, row)] for row in rows)]
+    cells = [[printable(str(cell)) for cell in row] for row in (header, *rows)]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     right = [bool(rows) and all(isinstance(row[k], int | float) for row in rows) for k in range(len(header))]
     lines = [

@@ -13,7 +13,6 @@ from transferkit.config import TrainConfig, preset_family, with_settings
 from transferkit.job import Job
 from transferkit.nn import one_thread
 from transferkit.policy.make import new_policy
-from transferkit.run import Result
 from transferkit.trainers.loop import train_and_evaluate
 from transferkit.zoo.artifact import load_core
 
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from transferkit.budget import Budget
     from transferkit.config import Algorithm
     from transferkit.policy.base import Policy
-    from transferkit.run import Report
+    from transferkit.run import Report, Result
 
 RUNS = Path("runs")
 """Folder of run directories that are not named."""
@@ -127,7 +126,7 @@ def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
     directory, checkpoint = job.open(ledger, resume=resume)
     with directory:
         if directory.result is not None:
-            return Result(**directory.result)
+            return directory.result
         trainer = job.trainer(prior)
         session = job.session(directory, trainer, report)
         scores = train_and_evaluate(trainer, job.envs(trainer), session, checkpoint)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 import itertools
-import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,9 +17,8 @@ from experiments.matrix.table import NAN, VERSIONS
 from transferkit.config import TrainConfig
 from transferkit.errors import RunDirectoryError, TransferkitError
 from transferkit.files import read_json, write_atomically
-from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT
-from transferkit.run.state_file import check_state
-from transferkit.run.tables import ALWAYS
+from transferkit.reading import Count
+from transferkit.run import CHECKPOINT, POLICY, RECORD, RESULT, EpisodeRow, EvaluationRow, Record, load_state
 
 if TYPE_CHECKING:
     from experiments.matrix.table import Row
@@ -38,6 +35,45 @@ SCORES = {"eval_return_mean": "return_mean", "eval_return_std": "return_std", "e
 
 LAST = 50
 """Episodes at the end whose mean return is the paper's measure."""
+
+
+@dataclass(frozen=True)
+class CellFile:
+    """What `cell.json` holds."""
+
+    id: str
+    arm: str
+    core: str
+    trainer: str
+    config: dict[str, Any]
+    command: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    """What `error.json` holds."""
+
+    kind: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Speed:
+    """What `speed.json` holds."""
+
+    forward_speed: float | None
+
+
+@dataclass(frozen=True)
+class Scores:
+    """What a row takes of a result."""
+
+    episodes: Count
+    steps: Count
+    seconds: float
+    eval_return_mean: float
+    eval_return_std: float
+    eval_episodes: Count
 
 
 class DamagedError(TransferkitError):
@@ -64,11 +100,11 @@ def read_cell(where: Path) -> Row | None:
         return _finished(cell, row, where)
     if (where / ERROR).exists():
         with _naming(ERROR):
-            error = read_json(where / ERROR)
-            return replace(row, error_kind=error["kind"], error=error["message"])
+            error = read_json(where / ERROR, Failure)
+            return replace(row, error_kind=error.kind, error=error.message)
     if (run / CHECKPOINT).exists():
         with _naming(CHECKPOINT):
-            check_state(run / CHECKPOINT)
+            load_state(run / CHECKPOINT)
     return None
 
 
@@ -100,13 +136,12 @@ def unpack(where: Path, files: Mapping[str, bytes]) -> None:
 
 def _cell(where: Path) -> Cell:
     with _naming(CELL):
-        data = read_json(where / CELL)
-        earlier = "network" not in data["config"]
-    if earlier:
+        data = read_json(where / CELL, CellFile)
+    if "network" not in data.config:
         raise RunDirectoryError(f"{where} was made by an earlier version", remedy="choose another {out}")
     with _naming(CELL):
-        cell = Cell(data["arm"], data["core"], data["trainer"], TrainConfig.from_json(data["config"]))
-        if not cell.id == data["id"] == where.name:
+        cell = Cell(data.arm, data.core, data.trainer, TrainConfig.from_json(data.config))
+        if not cell.id == data.id == where.name:
             raise DamagedError(f"{CELL} describes another run than its folder's name")
         return cell
 
@@ -114,45 +149,38 @@ def _cell(where: Path) -> Cell:
 def _made_by(run: Path) -> dict[str, str]:
     """Commit and versions that a run was made with."""
     with _naming(RECORD):
-        record = read_json(run / RECORD)
-        versions = {name: record["versions"].get(name, "") for name in VERSIONS}
-        return {"commit": (record["git"] or {}).get("commit", ""), **versions}
+        record = read_json(run / RECORD, Record)
+        versions = {name: record.versions.get(name, "") for name in VERSIONS}
+        return {"commit": str((record.git or {}).get("commit", "")), **versions}
 
 
 def _finished(cell: Cell, row: Row, where: Path) -> Row:
     run = where / "run"
     with _naming(RESULT):
-        result = read_json(run / RESULT)
-        found = {name: result[name] for name in ("episodes", "steps", "seconds", "eval_return_mean", "eval_return_std")}
-        if not all(map(math.isfinite, found.values())):
-            raise ValueError("a number is not finite")
+        result = read_json(run / RESULT, Scores)
+        found: dict[str, Any] = {name: value for name, value in vars(result).items() if name != "eval_episodes"}
     with _naming(SPEED):
-        speed = read_json(where / SPEED)["forward_speed"]
-        found["forward_speed"] = NAN if speed is None else float(speed)
+        speed = read_json(where / SPEED, Speed).forward_speed
+        found["forward_speed"] = NAN if speed is None else speed
     if not (run / RECORD).exists():
         raise DamagedError(f"{RECORD} is missing")
     if cell.trained:
         with _naming(POLICY):
-            check_state(run / POLICY)
+            load_state(run / POLICY)
         found |= _training(run, result)
     return replace(row, **found)
 
 
-def _training(run: Path, result: Mapping[str, Any]) -> dict[str, float]:
+def _training(run: Path, result: Scores) -> dict[str, float]:
     """Measures of the training episodes, and a check that the tables end as the result says."""
-    for kind in ALWAYS:
-        with _naming(f"{kind.table}.csv"):
-            table = columns(run, kind.table)
-            if not all(np.isfinite(table[name]).all() for name in kind.columns()):
-                raise ValueError("a number is not finite")
     with _naming("evaluations.csv"):
-        last = {name: values[-1] for name, values in columns(run, "evaluations").items()}
-        if any(last[column] != result[name] for name, column in SCORES.items()):
+        last = {name: values[-1] for name, values in columns(run, EvaluationRow).items()}
+        if any(last[column] != getattr(result, name) for name, column in SCORES.items()):
             raise ValueError(f"it does not end with the evaluation that {RESULT} states")
     with _naming("episodes.csv"):
-        returns = columns(run, "episodes")["return"]
-        if len(returns) != result["episodes"]:
-            raise ValueError(f"it does not have the {result['episodes']} episodes that {RESULT} counts")
+        returns = columns(run, EpisodeRow)["return"]
+        if len(returns) != result.episodes:
+            raise ValueError(f"it does not have the {result.episodes} episodes that {RESULT} counts")
     if not len(returns):
         return {}
     return {"last_50_mean": round(float(np.mean(returns[-LAST:])), 3), "all_mean": round(float(np.mean(returns)), 3)}
@@ -165,5 +193,5 @@ def _naming(file: str) -> Iterator[None]:
         yield
     except DamagedError:
         raise
-    except (TransferkitError, OSError, ValueError, LookupError, TypeError, AttributeError, csv.Error) as error:
+    except (TransferkitError, OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         raise DamagedError(f"{file}: {type(error).__name__}: {error}") from error

@@ -15,6 +15,7 @@ import numpy as np
 
 from experiments.matrix.run_table import columns
 from transferkit.envs import episode_limit, make_env
+from transferkit.run import EpisodeRow
 from transferkit.table import format_table
 from transferkit.training import run_training
 
@@ -86,7 +87,7 @@ def try_out(cell: Cell) -> Pace:
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # training leaves Ctrl-C alone in a thread
         out = Path(scratch) / "trial"
         result = thread.submit(run_training, config, out=out).result()
-        finished = columns(out, "episodes")
+        finished = columns(out, EpisodeRow)
     pace = result.seconds / result.steps
     late = finished["seconds"] > result.seconds / 2  # a model-based trainer begins with steps in which it does not learn
     if late.any() and (steps := np.ptp(finished["steps"][late])):

@@ -39,8 +39,7 @@ def evaluate_untrained(actor: Actor, config: TrainConfig, run: Path) -> None:
     """Write record and result of a run without training."""
     run.mkdir(exist_ok=True)
     write_json(run / RECORD, {"config": asdict(config), "versions": versions(), "git": git_state()})
-    clip = config.env_config.clip_actions
-    scores = evaluate(actor, config.env, episodes=config.eval_episodes, clip_actions=clip).scores()
+    scores = evaluate(actor, config.env, episodes=config.eval_episodes, **asdict(config.env_config)).scores()
     score = {f"eval_{name}": scores[name] for name in ("return_mean", "return_std")}
     write_json(run / RESULT, {"episodes": 0, "steps": 0, "seconds": 0.0, **score, "eval_episodes": config.eval_episodes})
 
@@ -53,7 +52,7 @@ def write_speed(actor: Actor, config: TrainConfig, where: Path) -> None:
 def forward_speed(actor: Actor, config: TrainConfig) -> float | None:
     """Mean forward speed in m/s over the episodes of an evaluation; None if the environment does not report it."""
     streams, episodes = Streams(0), config.eval_episodes
-    envs = [make_env(config.env, clip_actions=config.env_config.clip_actions) for _ in range(min(POOL, episodes))]
+    envs = [make_env(config.env, **asdict(config.env_config)) for _ in range(min(POOL, episodes))]
     speeds = []
     for step in rollout(actor, envs, lambda episode: streams.integer("evaluation", episode), episodes=episodes):
         if REPORTED not in step.info:

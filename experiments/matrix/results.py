@@ -6,15 +6,16 @@ without curves, and what finished is not run again.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.matrix.cell_folder import CELLS, DamagedError, cell_folders, read_cell
+from experiments.matrix.run_table import columns
 from experiments.matrix.table import CURVE_COLUMNS, read_rows, write_csv, write_rows
 from transferkit.errors import RunDirectoryError
+from transferkit.run import EvaluationRow
 
 if TYPE_CHECKING:
     from experiments.matrix.table import Row
@@ -80,10 +81,12 @@ def evaluations(out: Path, rows: Iterable[Row]) -> list[dict[str, object]]:
     """Every evaluation of those of these runs that are here, not only known."""
     found = []
     for row in rows:
-        path = out / CELLS / row.id / "run" / EVALUATIONS
-        if path.exists():
-            with path.open(newline="") as file:
-                found += [{**{name: point.get(name) for name in CURVE_COLUMNS}, "id": row.id} for point in csv.DictReader(file)]
+        run = out / CELLS / row.id / "run"
+        if EvaluationRow.file(run).exists():
+            table = columns(run, EvaluationRow)
+            points = zip(*(table[name].tolist() for name in CURVE_COLUMNS[1:]), strict=True)
+            for steps, episodes, *others in points:
+                found.append(dict(zip(CURVE_COLUMNS, (row.id, int(steps), int(episodes), *others), strict=True)))
     return found
 
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import csv
 import functools
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.run import read_table
 
-def columns(run: Path, name: str) -> dict[str, NDArray[np.float64]]:
+if TYPE_CHECKING:
+    from transferkit.run import Row
+
+
+def columns(run: Path, kind: type[Row]) -> dict[str, NDArray[np.float64]]:
     """A table of a run by column, `(rows,)` each; read once as long as the file stays the same."""
-    path = run / f"{name}.csv"
-    stat = path.stat()
-    return _columns(path, stat.st_mtime_ns, stat.st_size, stat.st_ino)
+    stat = kind.file(run).stat()
+    return _columns(run, kind, stat.st_mtime_ns, stat.st_size, stat.st_ino)
 
 
 @functools.lru_cache(maxsize=10_000)
-def _columns(path: Path, *_version: int) -> dict[str, NDArray[np.float64]]:
-    with path.open(newline="") as file:
-        header, *rows = csv.reader(file)
-    return dict(zip(header, np.array(rows, float).reshape(-1, len(header)).T, strict=True))
+def _columns(run: Path, kind: type[Row], *_version: int) -> dict[str, NDArray[np.float64]]:
+    return read_table(run, kind)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE
-from experiments.matrix.cell_folder import CELL, CELLS, ERROR, folder, set_aside
+from experiments.matrix.cell_folder import CELL, CELLS, ERROR, CellFile, Scores, folder, set_aside
 from experiments.matrix.estimate import plan
 from experiments.matrix.evaluation import actor_without_policy, evaluate_untrained, write_speed
 from experiments.matrix.grid_toml import load_cells
@@ -79,9 +79,10 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
     results = read_results(out)
     if not dry_run:
         make_folders(out)
-        rename(out, cells)
     for line in damages(out, results, move=not dry_run):
         print(line, file=sys.stderr)
+    if not dry_run:
+        rename(out, cells)
     done = {row.id for row in results.finished}
     todo = [cell for cell in cells if cell.id not in done]
     if todo and ray is None and not dry_run:
@@ -114,8 +115,8 @@ def rename(out: Path, cells: Sequence[Cell]) -> None:
     """Give the cells that are here the trainers' names that the grid has now."""
     for cell in cells:
         path = folder(out, cell) / CELL
-        if path.exists() and (known := read_json(path)) != (named := {**known, "trainer": cell.trainer}):
-            write_json(path, named)
+        if path.exists() and (known := read_json(path, CellFile)).trainer != cell.trainer:
+            write_json(path, asdict(replace(known, trainer=cell.trainer)))
 
 
 def damages(out: Path, results: Results, *, move: bool) -> list[str]:
@@ -159,7 +160,7 @@ def run_cell(cell: Cell, out: Path, command: str, *, train: Train = run_training
         outcome = failure(cell, error)
         write_json(where / ERROR, {"kind": outcome.error_kind, "message": outcome.error})
         return outcome
-    return Outcome(cell, read_json(where / "run" / RESULT)["eval_return_mean"])
+    return Outcome(cell, read_json(where / "run" / RESULT, Scores).eval_return_mean)
 
 
 def finish(cell: Cell, where: Path, train: Train) -> None:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from experiments.matrix.run_table import columns
 from transferkit import stats
 from transferkit.errors import DivergedError, NotFiniteError
+from transferkit.run import EpisodeRow, EvaluationRow
 
 if TYPE_CHECKING:
     from experiments.matrix.table import Row
@@ -75,13 +76,13 @@ class Arm:
     @functools.cached_property
     def episodes(self) -> dict[Key, dict[str, Array]]:
         """For every trained run that is here its training returns and the environment steps at the end of each episode."""
-        tables = {_key(row): columns(run, "episodes") for row, run in self._kept if row.episodes}
+        tables = {_key(row): columns(run, EpisodeRow) for row, run in self._kept if row.episodes}
         return {key: {"returns": t["return"], "episodes": t["episode"], "steps": t["steps"]} for key, t in tables.items()}
 
     @functools.cached_property
     def evaluations(self) -> dict[Key, dict[str, Array]]:
         """For every run that is here and was evaluated more than once, those evaluations."""
-        tables = {_key(row): columns(run, EVALUATIONS) for row, run in self._kept if row.steps}
+        tables = {_key(row): columns(run, EvaluationRow) for row, run in self._kept if row.steps}
         return {
             key: {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]}
             for key, t in tables.items()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from experiments.matrix.cell_folder import CELL, CELLS
+from experiments.matrix.cell_folder import CELL, CELLS, CellFile
 from experiments.matrix.results import read_results
 from experiments.matrix.table import VERSIONS, ambiguity
 from experiments.report.comparisons import compare
@@ -56,7 +56,7 @@ def load_matrix(root: Path) -> Matrix:
         compare(results.rows, root / CELLS),
         results.failed,
         [f"{where.name}: {what}" for where, what in results.damaged.items()],
-        sorted({read_json(path)["command"] for path in paths if path.exists()}),
+        sorted({read_json(path, CellFile).command for path in paths if path.exists()}),
         [", ".join(names) for names in sorted(made_by)],
     )
 

@@ -64,5 +64,5 @@ def test_a_time_limit_truncates_and_does_not_terminate():
 
 
 def test_an_episode_without_end_is_given_up():
-    (last,) = deque(rollout(ZeroPolicy(1), [Counter(10**9)], lambda _: 0, episodes=1), maxlen=1)
+    (last,) = deque(rollout(ZeroPolicy(1), [make_env(Counter(10**9))], lambda _: 0, episodes=1), maxlen=1)
     assert (last.step + 1, last.terminated, last.truncated) == (NO_LIMIT, False, True)

@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from transferkit.nn import Ensemble, EnsembleArchitecture, EnsembleLinear
+from transferkit.reading import typed
 from transferkit.streams import Streams
 
 
@@ -54,4 +55,4 @@ def test_a_head_can_be_zeroed_or_handed_over():
 
 def test_an_architecture_makes_the_round_trip():
     architecture = EnsembleArchitecture(2, 3, 1, (8, 8), layer_norm=False)
-    assert EnsembleArchitecture.from_json({**architecture.to_json(), "hidden": [8, 8]}) == architecture
+    assert typed({**architecture.to_json(), "hidden": [8, 8]}, EnsembleArchitecture) == architecture

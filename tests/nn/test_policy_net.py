@@ -2,6 +2,7 @@ import pytest
 import torch
 
 from transferkit.nn import Architecture, PolicyNet
+from transferkit.reading import typed
 from transferkit.streams import Streams
 
 
@@ -43,7 +44,7 @@ def test_how_a_log_std_is_made_does_not_say_how_it_begins():
 def test_a_network_is_rebuilt_from_its_architecture(std, squash):
     architecture = Architecture(3, 2, (8, 4), "elu", std, "uniform", squash)
     network = PolicyNet(architecture, Streams(0).torch("a"))
-    twin = PolicyNet(Architecture.from_json(architecture.to_json()))
+    twin = PolicyNet(typed(architecture.to_json(), Architecture))
     twin.load_state_dict(network.state_dict())
     x = 100 * torch.randn(5, 3, generator=Streams(0).torch("x"))
     for a, b in zip(network(x), twin(x), strict=True):

@@ -6,7 +6,7 @@ from mcap.writer import Writer
 
 from tests.record.foreign import MAPPING, write_foreign
 from transferkit import load_subject, make_env, record_episodes
-from transferkit.record.format import ABOUT, STEP
+from transferkit.record.format import ABOUT, STEP, as_metadata, from_metadata
 from transferkit.streams import Streams
 
 ENV = "Hopper-v5"
@@ -50,10 +50,10 @@ def altered(recording, tmp_path):
             (found,) = [channel for channel in reader.get_summary().channels.values() if channel.topic == STEP]
             channel = writer.register_channel(STEP, found.message_encoding, writer.register_schema("step", "jsonschema", b"{}"))
             for record in reader.iter_metadata():
-                data = {name: json.loads(value) for name, value in record.metadata.items()}
+                data = from_metadata(record.metadata, dict)
                 if record.name == ABOUT:
                     about(data)
-                writer.add_metadata(record.name, {name: json.dumps(value) for name, value in data.items()})
+                writer.add_metadata(record.name, as_metadata(data))
             for _, _, message in reader.iter_messages([STEP]):
                 data = json.loads(message.data)
                 step(data)

@@ -61,16 +61,16 @@ def test_the_reference_reader_finds_every_number_by_its_name(recording, subject,
 
 
 def test_returns_are_those_of_an_evaluation(recording, subject):
-    totals = [episode["total"] for episode in read(recording).episodes]
+    totals = [step.return_ for step in read(recording).steps if step.ended]
     assert totals == pytest.approx(evaluate(subject.policy, ENV, episodes=3, seed=4).returns)
 
 
 def test_a_cores_critic_gives_values(full_core, full_core_folder, tmp_path):
     record_episodes(load_subject(str(full_core_folder)), tmp_path / "values.mcap")
     step = read(tmp_path / "values.mcap").steps[0]
-    observation = torch.tensor([list(step["observation"].values())])
-    value = full_core.critic()(observation, torch.tensor([list(step["action"].values())]).clamp(-1, 1)).mean()
-    assert step["value"] == pytest.approx(value.item(), rel=1e-4)
+    observation = torch.tensor([list(step.observation.values())])
+    value = full_core.critic()(observation, torch.tensor([list(step.action.values())]).clamp(-1, 1)).mean()
+    assert step.value == pytest.approx(value.item(), rel=1e-4)
 
 
 def test_a_full_disk_is_one_error(subject, tmp_path):

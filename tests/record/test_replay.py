@@ -14,7 +14,7 @@ ENV = "Hopper-v5"
 
 def test_replay_is_the_same_to_the_bit(recording, altered):
     found = replay_recording(recording)
-    assert (found.episodes, found.difference, found.versions, found.complete) == (3, "", {}, True)
+    assert (found.episodes, found.difference, found.versions, found.flaw) == (3, "", {}, "")
     assert replay_recording(altered()) == found
 
 
@@ -51,6 +51,6 @@ def test_a_recording_of_a_newer_format_asks_for_an_upgrade(altered):
 def test_dm_control_is_recorded_under_its_id(tmp_path):
     subject = load_subject("inverted-pendulum-v1", env="dm_control/cartpole-balance-v0")
     record_episodes(subject, tmp_path / "twin.mcap")
-    assert read(tmp_path / "twin.mcap").about["env"] == "dm_control/cartpole-balance-v0"
+    assert read(tmp_path / "twin.mcap").about.spec.env_id == "dm_control/cartpole-balance-v0"
     found = replay_recording(str(tmp_path / "twin.mcap"))
     assert (found.steps, found.difference) == (1000, "")

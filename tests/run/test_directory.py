@@ -39,8 +39,8 @@ def test_rows_beyond_the_checkpoint_are_cut_because_their_steps_run_again(tmp_pa
     with again:
         assert state["tensor"].tolist() == [0, 1]
         again.append(row(2))
-    assert [r["episode"] for r in read_table(tmp_path / "run", EpisodeRow)] == [1, 2]
-    assert read_table(tmp_path / "run", ModelRow) == []
+    assert read_table(tmp_path / "run", EpisodeRow)["episode"].tolist() == [1, 2]
+    assert len(read_table(tmp_path / "run", ModelRow)["steps"]) == 0
 
 
 def test_without_a_checkpoint_every_row_is_cut(tmp_path):
@@ -50,7 +50,7 @@ def test_without_a_checkpoint_every_row_is_cut(tmp_path):
     with again:
         again.append(row(1))
     assert state is None
-    assert len(read_table(tmp_path / "run", EpisodeRow)) == 1
+    assert len(read_table(tmp_path / "run", EpisodeRow)["episode"]) == 1
 
 
 def test_a_finished_run_keeps_its_tables(tmp_path):
@@ -59,9 +59,9 @@ def test_a_finished_run_keeps_its_tables(tmp_path):
         result = run.finish(Result("ppo", "default-v2", None, None, None, "x", 0, 1, 5, 0.1, 1.0, 0.0, 1.0, 1.0, 1, "run"))
     again, state = RunDirectory.resume(tmp_path / "run")
     with again:
-        assert Result(**again.result) == result
+        assert again.result == result
     assert state is None
-    assert len(read_table(tmp_path / "run", EpisodeRow)) == 1
+    assert len(read_table(tmp_path / "run", EpisodeRow)["episode"]) == 1
 
 
 def test_every_difference_of_two_configurations_is_named(tmp_path):

@@ -40,7 +40,7 @@ def test_steps_and_episodes_of_each_environment_are_booked(session):
             step(made, index, reward, **ends)
         step(made, 0, 7.0, terminated=True)  # the next episode starts from nothing
     columns = ("episode", "env_index", "return", "length", "terminated", "steps")
-    rows = [[row[name] for name in columns] for row in read_table(made.directory.path, EpisodeRow)]
+    rows = [list(row) for row in zip(*(read_table(made.directory.path, EpisodeRow)[name] for name in columns), strict=True)]
     assert rows == [[1, 0, 3.0, 2, 1, 3], [2, 1, 4.0, 2, 0, 4], [3, 0, 7.0, 1, 1, 5]]
     assert (made.spent.episodes, made.spent.steps) == (3, 5)
 
@@ -63,7 +63,7 @@ def test_an_evaluation_is_due_once_in_every_interval_and_done_once_at_a_step(ses
             evaluated.append(made.evaluations)
         assert made.evaluate() == made.evaluate()
     assert evaluated == [0, 1, 2]  # at 3, 6 and 9 steps
-    assert [row["steps"] for row in read_table(made.directory.path, EvaluationRow)] == [6, 9]
+    assert read_table(made.directory.path, EvaluationRow)["steps"].tolist() == [6, 9]
 
 
 def test_an_evaluation_that_is_good_enough_ends_the_run_but_not_the_first(session):
@@ -92,8 +92,8 @@ def test_what_is_spent_and_scored_goes_on_from_a_checkpoint(session):
         assert again.evaluate()["return_mean"] == 4.0
         assert again.evaluations == 1  # at this step it was done before
         step(again, 1, 3.0, truncated=True)
-    (row,) = read_table(again.directory.path, EpisodeRow)
-    assert [row[name] for name in ("episode", "return", "length", "steps")] == [2, 5.0, 2, 3]
+    rows = read_table(again.directory.path, EpisodeRow)
+    assert [rows[name].tolist() for name in ("episode", "return", "length", "steps")] == [[2], [5.0], [2], [3]]
     assert again.spent.seconds >= made.spent.seconds
 
 

@@ -16,6 +16,6 @@ def test_rows_make_the_round_trip(tmp_path):
         "1,2,-0.1,30,1,400,5.125",
     ]
     rows = read_table(tmp_path / "run", EpisodeRow)
-    assert [row["return"] for row in rows] == [-0.1, 1 / 3]
-    assert list(rows[0].values()) == row.values()
-    assert read_table(tmp_path / "run", EvaluationRow) == []
+    assert rows["return"].tolist() == [-0.1, 1 / 3]
+    assert [values[0] for values in rows.values()] == row.values()
+    assert len(read_table(tmp_path / "run", EvaluationRow)["steps"]) == 0

@@ -66,7 +66,7 @@ def test_it_advances_from_the_first_observation_until_the_budget_ends(tmp_path):
 @pytest.mark.parametrize(("every", "steps"), [(0, [20]), (6, [0, 6, 12, 18, 20])])
 def test_it_is_evaluated_at_the_end_and_if_asked_for_before_and_during_training(tmp_path, every, steps):
     start(tmp_path / "run", Adder(), eval_every=every)
-    assert [row["steps"] for row in read_table(tmp_path / "run", EvaluationRow)] == steps
+    assert read_table(tmp_path / "run", EvaluationRow)["steps"].tolist() == steps
 
 
 def test_reports_come_after_updates_only(tmp_path):

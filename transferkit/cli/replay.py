@@ -21,22 +21,23 @@ def main(arguments: Sequence[str]) -> Answer:
     """Simulate a recording again; the exit status is 1 if `--check` finds a difference."""
     flags = parser("replay", "Simulate a recording again from its states and actions.")
     flags.add_argument("file", type=Path, metavar="FILE.mcap")
+    flags.add_argument("--env", metavar="MODULE:ID", help="the recording's environment, if its module may be run")
     flags.add_argument("--check", action="store_true", help="exit with 1 unless every number is the same to the bit")
     flags.add_argument("--video", type=Path, metavar="FILE.mp4", help="draw it, by MuJoCo's offscreen renderer")
     options = flags.parse_args(arguments)
-    replayed = _with_video(options.file, options.video) if options.video else _replay(options.file)
-    cut = "" if replayed.complete else f"; {options.file} is cut, this is its whole part"
-    text = f"{replayed.episodes} episodes, {replayed.steps} steps: {_verdict(replayed)}{cut}"
+    replayed = _with_video(options.file, options.video, options.env) if options.video else _replay(options.file, options.env)
+    flaw = f"; {options.file} {replayed.flaw}, this is its whole part" if replayed.flaw else ""
+    text = f"{replayed.episodes} episodes, {replayed.steps} steps: {_verdict(replayed)}{flaw}"
     return Answer(asdict(replayed), text, DIFFERENT if options.check and replayed.difference else 0)
 
 
-def _replay(file: Path) -> Replayed:
+def _replay(file: Path, env: str | None) -> Replayed:
     from transferkit.record.replay import replay_recording  # noqa: PLC0415 - torch takes seconds to import
 
-    return replay_recording(file)
+    return replay_recording(file, env=env)
 
 
-def _with_video(file: Path, out: Path) -> Replayed:
+def _with_video(file: Path, out: Path, env: str | None) -> Replayed:
     check_new(out, "video")
     if out.suffix != ".mp4":
         raise ConfigError(f"ending of {out}", value=out.suffix, allowed=".mp4")
@@ -49,7 +50,7 @@ def _with_video(file: Path, out: Path) -> Replayed:
     from transferkit.record.video import video  # noqa: PLC0415
 
     with video(out, spec_of(read(file, about_only=True), file).time_step) as on_frame:
-        return replay_recording(file, on_frame=on_frame, render=True)
+        return replay_recording(file, env=env, on_frame=on_frame, render=True)
 
 
 def _verdict(replayed: Replayed) -> str:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from transferkit.cli.answer import Answer, parser
+from transferkit.cli.wording import worded
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
 from transferkit.zoo.catalog import core_folders, find_card, list_cards
@@ -25,6 +27,7 @@ def main(arguments: Sequence[str]) -> Answer:
     verify = actions.add_parser("verify", help="check hashes, schema and probe outputs")
     verify.add_argument("ids", nargs="*", metavar="ID")
     verify.add_argument("--all", action="store_true", help="every core of the zoo")
+    verify.add_argument("--env", metavar="MODULE:ID", help="with --rollout: the module's source environment that you trust")
     verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source, against the card")
     options = flags.parse_args(arguments)
     return {"list": _list, "show": _show, "verify": _verify}[options.action](options)
@@ -48,7 +51,10 @@ def summary(card: Card) -> dict[str, Any]:
 
 def _list(options: argparse.Namespace) -> Answer:
     del options
-    rows = [summary(card) for card in list_cards()]
+    cards, errors = list_cards()
+    rows = [summary(card) for card in cards]
+    for error in errors:
+        print(f"transferkit: not listed: {worded(error)}", file=sys.stderr)
     header = ("id", "source", "obs", "act", "components", "members", "score", "95 % interval", "threshold")
     table = [
         (
@@ -80,7 +86,7 @@ def _verify(options: argparse.Namespace) -> Answer:
     names = list(core_folders()) if options.all else options.ids
     if not names:
         raise ConfigError("no core to verify", remedy="name one, or use {all=True}", topic="cores")
-    reports = [verify(name, rollout=options.rollout) for name in names]
+    reports = [verify(name, rollout=options.rollout, env=options.env) for name in names]
     lines = []
     for report in reports:
         rolled = f", rolled out {report['rollout_mean']:.1f}" if options.rollout else ""

@@ -13,15 +13,19 @@ if TYPE_CHECKING:
     from transferkit.config.checks import Range
 
 
+Tap = Literal["features", "action"]
+Adapter = Literal["auto", "semantic", "random", "pad"]
+
+
 @dataclass(frozen=True)
 class WrapConfig:
     """How a core is built into the policy of another environment."""
 
     structure: Literal["default", "paper"] = "default"
     """The healthy sandwich, or the paper's with its ReLUs and its shared output layer."""
-    tap: Literal["features", "action"] = "features"
+    tap: Tap = "features"
     """Take the core's last hidden layer, or its action output as the paper does."""
-    adapter: Literal["auto", "semantic", "random", "pad"] = "auto"
+    adapter: Adapter = "auto"
     """Fill the adapters from what the numbers mean, at random, or (a control) element by element with zeros for what is
     missing; auto is semantic if anything matches, else random."""
     finetune: bool = True

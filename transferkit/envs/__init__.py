@@ -1,6 +1,6 @@
 """Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
-from transferkit.envs.make import NO_LIMIT, dims, environment_ids, episode_limit, make_env, time_step
+from transferkit.envs.make import NO_LIMIT, dims, environment_ids, episode_limit, failed, id_from_file, make_env, time_step
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
@@ -18,6 +18,8 @@ __all__ = [
     "dims",
     "environment_ids",
     "episode_limit",
+    "failed",
+    "id_from_file",
     "make_env",
     "open_simulation",
     "rollout",

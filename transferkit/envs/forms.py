@@ -16,7 +16,7 @@ from transferkit.spec import Element
 
 if TYPE_CHECKING:
     from transferkit.envs.evidence import Evidence, Samples
-    from transferkit.spec import Joint
+    from transferkit.spec import Joint, Quantity
 
 TOLERANCE = 2e-5
 """Largest misfit of a form, relative to the element's spread (observations are float32)."""
@@ -53,7 +53,8 @@ class Forms:
             return Element(label, "force", names, (), 0.0, "")
         if not names:
             return Element(label, "constant", (), (), 0.0, "")
-        return Element(label, f"function of {'velocity' if len(velocities) else 'position'}", names, (), 0.0, "")
+        quantity: Quantity = "function of velocity" if len(velocities) else "function of position"
+        return Element(label, quantity, names, (), 0.0, "")
 
     def _position_form(self, y: NDArray, dofs: Dofs) -> Element | None:
         position, height = self.samples.position, _matching_column(y, self.samples.height)
@@ -72,7 +73,7 @@ class Forms:
             return Element(f"{self.height_names(height)}.height", "height", names, (), 0.0, "m")
         return None
 
-    def _linear(self, quantity: str, y: NDArray, dofs: Dofs, signal: NDArray) -> Element | None:
+    def _linear(self, quantity: Quantity, y: NDArray, dofs: Dofs, signal: NDArray) -> Element | None:
         columns = signal[:, dofs]
         if not np.isfinite(columns).all() or 2 * len(dofs) >= SAMPLES:
             return None
@@ -95,7 +96,7 @@ class Forms:
         offset = (phase - np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
         return self._named("cos", dofs, coefficients, 0.0 if abs(offset) < 1e-3 else offset, "")
 
-    def _named(self, quantity: str, dofs: Dofs, coefficients: NDArray, offset: float, unit: str) -> Element:
+    def _named(self, quantity: Quantity, dofs: Dofs, coefficients: NDArray, offset: float, unit: str) -> Element:
         names = tuple(self.joints[int(dof)].name for dof in dofs)
         rounded = tuple(round(float(c), 4) for c in coefficients)
         return Element(f"{'+'.join(names)}.{quantity}", quantity, names, rounded, round(offset, 4) + 0.0, unit)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.spec import Actuator, Joint
+
+if TYPE_CHECKING:
+    from transferkit.spec import JointType
 
 _, BALL, SLIDE, HINGE = range(4)  # of `mujoco.mjtJoint`
 AXES = "xyz"
@@ -77,13 +81,15 @@ def _parent(model: mujoco.MjModel, body: int, last_of_body: dict[int, str]) -> s
     return None
 
 
-def _degrees_of_freedom(type_: int, axis: NDArray, frame: NDArray) -> list[tuple[str, NDArray]]:
+def _degrees_of_freedom(type_: int, axis: NDArray, frame: NDArray) -> list[tuple[JointType, NDArray]]:
     if type_ == SLIDE:
         return [("slide", axis)]
     if type_ == HINGE:
         return [("hinge", axis)]
-    rotations = [("hinge", frame[:, k]) for k in range(3)]  # mujoco's angular velocities are in the body frame
-    return rotations if type_ == BALL else [("slide", np.eye(3)[k]) for k in range(3)] + rotations
+    slides: list[tuple[JointType, NDArray]] = [("slide", np.eye(3)[k]) for k in range(3)]
+    # MuJoCo's angular velocities are in the body frame.
+    rotations: list[tuple[JointType, NDArray]] = [("hinge", frame[:, k]) for k in range(3)]
+    return rotations if type_ == BALL else slides + rotations
 
 
 def _canonical_name(type_: str, axis: NDArray, used: Counter[str]) -> str:

@@ -6,7 +6,11 @@ truncated apart, `reset(seed=)` deterministic.
 
 from __future__ import annotations
 
+import functools
 import logging
+import math
+import traceback
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -15,7 +19,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from transferkit.errors import EnvironmentContractError, UnknownNameError
+from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError, UnknownNameError
 
 # MuJoCo's own handler prints to stdout and leaves a MUJOCO_LOG.TXT in the working directory.
 mujoco.set_mju_user_warning(logging.getLogger("mujoco").info)
@@ -23,8 +27,8 @@ mujoco.set_mju_user_warning(logging.getLogger("mujoco").info)
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 
 DM_CONTROL_PREFIX = "dm_control/"
-NO_LIMIT = 100_000
-"""Steps after which an episode of an environment without a time limit is given up."""
+NO_LIMIT = 10_000
+"""Steps after which an episode of an environment without a time limit is truncated."""
 
 
 def environment_ids() -> list[str]:
@@ -39,13 +43,20 @@ def environment_ids() -> list[str]:
     return sorted(v5) + sorted(envs_dmc.task_ids())
 
 
-def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_actions: bool = True) -> Env:
+def make_env(
+    env: str | gymnasium.Env,
+    *,
+    render_mode: str | None = None,
+    clip_actions: bool = True,
+    max_episode_steps: int | None = None,
+) -> Env:
     """Put an environment under transferkit's contract.
 
     Args:
         env: an id of Gymnasium's registry, `dm_control/<domain>-<task>-v0`, or an environment of your own.
         render_mode: handed to the environment when it is made from an id.
         clip_actions: False lets actions beyond [-1, 1] reach the environment, as in the paper's code.
+        max_episode_steps: truncate episodes here; by default after 10,000 steps if the environment has no limit of its own.
 
     Raises:
         UnknownNameError: no environment has this id.
@@ -53,7 +64,9 @@ def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_a
     """
     raw = _from_id(env, render_mode) if isinstance(env, str) else env
     if isinstance(raw, Contract):
-        return raw if clip_actions or not raw.clip else Contract(raw.env, clip=False)
+        if (clip_actions or not raw.clip) and max_episode_steps is None:
+            return raw
+        raw, clip_actions = raw.env, clip_actions and raw.clip
     name = env if isinstance(env, str) else _name(raw)
     for what, space, bounded in (("action", raw.action_space, True), ("observation", raw.observation_space, False)):
         if not isinstance(space, Box) or len(space.shape) != 1 or (bounded and not space.is_bounded()):
@@ -63,16 +76,31 @@ def make_env(env: str | gymnasium.Env, *, render_mode: str | None = None, clip_a
                 allowed=f"a flat{' and bounded' * bounded} Box",
                 topic="environments",
             )
-    return Contract(raw, clip=clip_actions)
+    return Contract(raw, clip=clip_actions, max_episode_steps=max_episode_steps)
+
+
+def id_from_file(env_id: str, source: str | Path, named: str | None = None) -> str:
+    """Take an environment id that a file names; Gymnasium imports the module before a colon, which only the user may ask for.
+
+    Raises:
+        EnvironmentContractError: the id has a module and is not the one that the user named.
+    """
+    if ":" in env_id and env_id != named:
+        raise EnvironmentContractError(
+            f"{source} was made in {env_id}, and to make it runs the module {env_id.partition(':')[0]}",
+            remedy=f"if you trust that, name it yourself: {{env={env_id}}}",
+        )
+    return env_id
 
 
 class Contract(gymnasium.Wrapper):
     """Float32 observations, and actions in [-1, 1] that are clipped and then scaled to the wrapped environment's bounds.
 
-    Gymnasium's `RescaleAction` does not clip and its `ClipAction` declares an infinite space, so neither states [-1, 1].
+    What the environment returns is checked in every step, and an episode that never ends is truncated. Gymnasium's
+    `RescaleAction` does not clip and its `ClipAction` declares an infinite space, so neither states [-1, 1].
     """
 
-    def __init__(self, env: gymnasium.Env, *, clip: bool = True) -> None:
+    def __init__(self, env: gymnasium.Env, *, clip: bool = True, max_episode_steps: int | None = None) -> None:
         super().__init__(env)
         actions, observations = env.action_space, env.observation_space
         assert isinstance(actions, Box)
@@ -82,19 +110,87 @@ class Contract(gymnasium.Wrapper):
         low, high = actions.low.astype(np.float64), actions.high.astype(np.float64)
         self._centre, self._half_range = (low + high) / 2, (high - low) / 2
         self.clip, self._limit = clip, 1.0 if clip else np.inf
+        self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
+        self._given_up = max_episode_steps is None
+        self._steps = 0
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode."""
-        observation, info = self.env.reset(seed=seed, options=options)
-        return np.array(observation, np.float32), info
+        """Start an episode.
+
+        Raises:
+            EnvironmentContractError: the environment raises, or returns something else than an observation and an info.
+            NotFiniteError: the observation has NaN or an infinite number.
+        """
+        self._steps = 0
+        try:
+            observation, info = self.env.reset(seed=seed, options=options)
+            observation = np.array(observation, np.float32)
+        except Exception as error:
+            raise self._broken(error, "reset") from error
+        self._check(observation, 0.0, info)
+        return observation, info
 
     def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Advance one control step."""
+        """Advance one control step.
+
+        Raises:
+            EnvironmentContractError: the environment raises, or returns other types or shapes than it declares.
+            NotFiniteError: the action, the observation or the reward has NaN or an infinite number.
+        """
         clipped = np.minimum(np.maximum(action, -self._limit), self._limit)  # a fifth of np.clip's time
-        observation, reward, terminated, truncated, info = self.env.step(self._centre + self._half_range * clipped)
-        return np.array(observation, np.float32), float(reward), bool(terminated), bool(truncated), info
+        scaled = self._centre + self._half_range * clipped
+        if not math.isfinite(scaled.sum()):
+            raise self._not_finite("the policy chose an action")
+        self._steps += 1
+        try:
+            observation, reward, terminated, truncated, info = self.env.step(scaled)
+            observation, reward = np.array(observation, np.float32), float(reward)
+            terminated, truncated = bool(terminated), bool(truncated)
+        except Exception as error:
+            raise self._broken(error, f"step {self._steps}") from error
+        self._check(observation, reward, info)
+        if self._steps >= self._most and not terminated and not truncated:
+            truncated = True
+            if self._given_up:
+                _say_given_up(_name(self.env))
+        return observation, reward, terminated, truncated, info
+
+    def _check(self, observation: NDArray[np.float32], reward: float, info: object) -> None:
+        if observation.shape != self.observation_space.shape or not isinstance(info, dict):
+            returned = f"an observation of shape {observation.shape} and info of type {type(info).__name__}"
+            raise EnvironmentContractError(
+                f"environment {_name(self.env)} returned {returned}, not {self.observation_space.shape} and dict",
+                topic="environments",
+            )
+        # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
+        if not math.isfinite(observation.sum(dtype=np.float64) + reward):
+            raise self._not_finite(f"environment {_name(self.env)} returned an observation or a reward")
+
+    def _not_finite(self, what: str) -> NotFiniteError:
+        return NotFiniteError(
+            f"{what} with NaN or infinity in step {self._steps} of an episode",
+            remedy="check the environment, or lower the learning rate",
+        )
+
+    def _broken(self, error: Exception, where: str) -> TransferkitError:
+        return error if isinstance(error, TransferkitError) else failed(_name(self.env), where, error)
+
+
+def failed(env: str, where: str, error: Exception) -> EnvironmentContractError:
+    """The one line about an exception in somebody else's code."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    place = f"{Path(frame.filename).name}, line {frame.lineno}"
+    return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="environments")
+
+
+@functools.cache
+def _say_given_up(env: str) -> None:
+    logging.getLogger("transferkit").warning(
+        "%s has no time limit: an episode is truncated after %d steps; env_config.max_episode_steps sets another", env, NO_LIMIT
+    )
 
 
 def dims(env: gymnasium.Env) -> tuple[int, int]:
@@ -121,13 +217,18 @@ def _from_id(env_id: str, render_mode: str | None) -> gymnasium.Env:
     if env_id.startswith(DM_CONTROL_PREFIX):
         return _from_suite(env_id, render_mode)
     kwargs: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
+    module, colon, name = env_id.partition(":")
+    if colon and (":" in name or not all(part.isidentifier() for part in module.split("."))):
+        raise EnvironmentContractError(f"environment {env_id}", allowed="an id, or MODULE:ID", topic="environments")
     try:
         return gymnasium.make(env_id, disable_env_checker=True, **kwargs)
     except (gymnasium.error.UnregisteredEnv, gymnasium.error.NameNotFound):
         raise UnknownNameError("environment", env_id, environment_ids(), topic="environments") from None
-    except (gymnasium.error.Error, ImportError) as error:
-        reason = str(error).splitlines()[0]
+    except (gymnasium.error.Error, ModuleNotFoundError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise EnvironmentContractError(f"environment {env_id} cannot be made: {reason}", topic="environments") from error
+    except Exception as error:  # of a module or an environment of the user's
+        raise failed(env_id, "making it", error) from error
 
 
 def _from_suite(env_id: str, render_mode: str | None) -> gymnasium.Env:

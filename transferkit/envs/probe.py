@@ -18,8 +18,9 @@ import gymnasium
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.joints import read_actuators, read_joints, unknown_actuators
-from transferkit.envs.make import dims, episode_limit, make_env, time_step
+from transferkit.envs.make import dims, episode_limit, failed, make_env, time_step
 from transferkit.envs.simulation import open_simulation
+from transferkit.errors import TransferkitError
 from transferkit.spec import Element, IOSpec
 from transferkit.versions import versions
 
@@ -47,9 +48,14 @@ def derive_spec(env: str | gymnasium.Env) -> IOSpec:
 
 def _derive(env: str | gymnasium.Env) -> IOSpec:
     made = make_env(env)
+    name = env if isinstance(env, str) else (made.spec.id if made.spec else type(made.unwrapped).__name__)
     try:
         made.reset(seed=0)
-        return _spec(made, env if isinstance(env, str) else (made.spec.id if made.spec else type(made.unwrapped).__name__))
+        return _spec(made, name)
+    except TransferkitError:
+        raise
+    except Exception as error:
+        raise failed(name, "being probed", error) from error
     finally:
         if isinstance(env, str):
             made.close()

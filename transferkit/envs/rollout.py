@@ -9,8 +9,6 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs.make import NO_LIMIT
-
 
 class Actor(Protocol):
     """Anything that maps observations `(B, obs_dim)` to deterministic actions `(B, act_dim)`."""
@@ -77,8 +75,7 @@ def rollout(
             observation, step = observations[episode], steps[episode]
             following, reward, terminated, truncated, info = env.step(action)
             observations[episode], steps[episode] = following, step + 1
-            truncated = bool(truncated) or step + 1 >= NO_LIMIT
-            taken = Transition(episode, step, observation, action, float(reward), following, bool(terminated), truncated, info)
+            taken = Transition(episode, step, observation, action, float(reward), following, terminated, truncated, info)
             yield taken
             if taken.done:
                 del playing[episode], observations[episode], steps[episode]

@@ -8,7 +8,6 @@ deterministic environment to the bit without knowing its internals.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -17,7 +16,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.errors import NotFiniteError
+from transferkit.envs.make import dims
+from transferkit.reading import FormatError, typed
 
 
 @dataclass(frozen=True)
@@ -77,19 +77,12 @@ class VectorEnv:
         they are, and the result has that many fewer rows.
 
         Raises:
-            NotFiniteError: an observation or reward is NaN or infinite.
+            NotFiniteError, EnvironmentContractError: an environment returned what it must not.
         """
         rows = []
         for i, action in enumerate(actions):
             observation, reward, terminated, truncated, _ = self.envs[i].step(action)
             self._actions[i].append(action.copy())
-            # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
-            if not math.isfinite(observation.sum(dtype=np.float64) + reward):
-                raise NotFiniteError(
-                    f"environment {i} returned a NaN or infinite value in step {len(self._actions[i])} of its episode "
-                    f"{self._episode[i]}",
-                    remedy="check the environment, or lower the learning rate",
-                )
             truncated = bool(truncated and not terminated)
             held = self._episode[i] == 0 and len(self._actions[i]) < self._overrun_steps
             done = (bool(terminated) or truncated) and not held
@@ -116,11 +109,18 @@ class VectorEnv:
         }
 
     def restore(self, state: dict[str, Any]) -> NDArray[np.float32]:
-        """Replay each running episode; returns the observations `(num_envs, obs_dim)` that the next actions are chosen from."""
+        """Replay each running episode; returns the observations `(num_envs, obs_dim)` that the next actions are chosen from.
+
+        Raises:
+            FormatError: it is not the state of these environments.
+        """
+        episodes, played = typed(state["episode"], list[int]), typed(state["actions"], list[list[list[float]]])
+        if not len(episodes) == len(played) == self.num_envs:
+            raise FormatError(f"it has {len(episodes)} environments instead of {self.num_envs}")
         observations = []
-        for i, (episode, actions) in enumerate(zip(state["episode"], state["actions"], strict=True)):
+        for i, (episode, actions) in enumerate(zip(episodes, played, strict=True)):
             observation = self._start(i, episode)
-            for action in np.array(actions, np.float32):
+            for action in np.array(actions, np.float32).reshape(-1, dims(self.envs[i])[1]):
                 observation = self.envs[i].step(action)[0]
                 self._actions[i].append(action)
             observations.append(observation)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,15 +11,17 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from transferkit.reading import Layers, Size
+
 
 @dataclass(frozen=True)
 class EnsembleArchitecture:
     """Everything needed to rebuild an ensemble before its weights are loaded."""
 
-    members: int
-    in_dim: int
-    out_dim: int
-    hidden: tuple[int, ...]
+    members: Size
+    in_dim: Size
+    out_dim: Size
+    hidden: Layers
     layer_norm: bool = True
     """Normalise before every ReLU, without learnt scale (Ba et al. 2016)."""
 
@@ -28,10 +29,11 @@ class EnsembleArchitecture:
         """Return JSON-ready data."""
         return asdict(self)
 
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> EnsembleArchitecture:
-        """Rebuild from `to_json`."""
-        return cls(**{**data, "hidden": tuple(data["hidden"])})
+    @property
+    def weights(self) -> int:
+        """Numbers in its matrices, known before any is allocated."""
+        sizes = itertools.pairwise((self.in_dim, *self.hidden, self.out_dim))
+        return self.members * sum(a * b for a, b in sizes)
 
 
 class EnsembleLinear(nn.Module):

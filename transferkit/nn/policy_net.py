@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Literal
 
 import torch
 from torch import Tensor, nn
 
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.nn.layers import Linear, mlp
+from transferkit.reading import Layers, Size
 
 GAINS = {"orthogonal": (math.sqrt(2), 0.01), "uniform": (None, None), "paper": (math.sqrt(2), 0.1)}
 """Gains of the hidden layers and of the heads, by initialisation; None keeps `nn.Linear`'s own."""
@@ -21,13 +22,13 @@ GAINS = {"orthogonal": (math.sqrt(2), 0.01), "uniform": (None, None), "paper": (
 class Architecture:
     """Everything needed to rebuild a `PolicyNet` before its weights are loaded."""
 
-    obs_dim: int
-    act_dim: int
-    hidden: tuple[int, ...] = (64, 64)
-    activation: str = "tanh"
-    std: str = "parameter"
+    obs_dim: Size
+    act_dim: Size
+    hidden: Layers = (64, 64)
+    activation: Literal["tanh", "relu", "elu"] = "tanh"
+    std: Literal["parameter", "head"] = "parameter"
     """`parameter`: one bounded log-std per action. `head`: a linear head on the features, unbounded, as in the paper."""
-    initialization: str = "orthogonal"
+    initialization: Literal["orthogonal", "uniform", "paper"] = "orthogonal"
     """`orthogonal` with small heads, `uniform` as `nn.Linear` has it, or `paper`: orthogonal with heads of 0.1."""
     squash: bool = False
     """Bound the mean by tanh, as in the paper's DDPG."""
@@ -36,10 +37,10 @@ class Architecture:
         """Return JSON-ready data."""
         return asdict(self)
 
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Architecture:
-        """Rebuild from `to_json`."""
-        return cls(**{**data, "hidden": tuple(data["hidden"])})
+    @property
+    def weights(self) -> int:
+        """Numbers in its matrices, known before any is allocated."""
+        return sum(a * b for a, b in itertools.pairwise((self.obs_dim, *self.hidden, self.act_dim)))
 
 
 class PolicyNet(nn.Module):

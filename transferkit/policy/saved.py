@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import nn
 
-from transferkit.config.wrap import PAPER_WRAP, WrapConfig
+from transferkit.config.wrap import PAPER_WRAP, Adapter, Tap, WrapConfig
 from transferkit.errors import RunDirectoryError
+from transferkit.files import damaged_run
 from transferkit.nn import Architecture, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
 from transferkit.policy.base import ConstantPolicy, ScratchPolicy
 from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
+from transferkit.reading import Count, FormatError, Size, typed
 from transferkit.run import POLICY, load_state
 from transferkit.spec import IOSpec
 
@@ -24,6 +28,104 @@ if TYPE_CHECKING:
 
 Component = tuple[EnsembleArchitecture, dict[str, torch.Tensor]]
 """Architecture and weights of an ensemble."""
+
+
+@dataclass(frozen=True)
+class Constant:
+    """Blueprint of a `ConstantPolicy`."""
+
+    obs_dim: Size
+    act_dim: Size
+
+    @property
+    def weights(self) -> int:
+        """Numbers in its matrices."""
+        return self.act_dim
+
+    def build(self) -> Policy:
+        """Build it with zero weights."""
+        return ConstantPolicy(self.obs_dim, self.act_dim)
+
+
+@dataclass(frozen=True)
+class Scratch:
+    """Blueprint of a `ScratchPolicy`."""
+
+    architecture: Architecture
+    normalize: bool
+
+    @property
+    def weights(self) -> int:
+        """Numbers in its matrices."""
+        return self.architecture.weights
+
+    def build(self) -> Policy:
+        """Build it with zero weights."""
+        return ScratchPolicy.create(self.architecture, None, init_std=1.0, normalize=self.normalize)
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Blueprint of a `PaperSandwich`."""
+
+    core: Architecture
+    source: IOSpec
+    target: IOSpec
+
+    @property
+    def weights(self) -> int:
+        """Numbers in its matrices."""
+        return self.core.weights
+
+    def build(self) -> Policy:
+        """Build it with zero weights."""
+        return PaperSandwich(PolicyNet(self.core), (self.source, self.target), PAPER_WRAP, None)
+
+
+@dataclass(frozen=True)
+class Sandwiched(Paper):
+    """Blueprint of a `Sandwich`."""
+
+    source_normalizer: bool
+    tap: Tap
+    adapter: Adapter
+    finetune: bool
+    residual: Count
+
+    @property
+    def weights(self) -> int:
+        """Numbers in its matrices."""
+        return self.core.weights + self.residual * (self.target.obs_dim + self.target.act_dim)
+
+    def build(self) -> Policy:
+        """Build it with zero weights."""
+        config = WrapConfig(
+            tap=self.tap, adapter=self.adapter, finetune=self.finetune, residual=self.residual, lr_scale={}, init_std=1.0
+        )
+        normalizer = Normalizer(self.source.obs_dim) if self.source_normalizer else None
+        specs = self.source, self.target
+        return Sandwich(PolicyNet(self.core), normalizer, specs, config, match_for(self.adapter, *specs), None)
+
+
+KINDS: dict[str, type[Constant | Scratch | Paper]] = {"constant": Constant, "scratch": Scratch, "paper": Paper}
+"""Blueprints by their `kind`; the other is `Sandwiched`."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What was trained beside the policy."""
+
+    architecture: EnsembleArchitecture | None
+    weights: dict[str, torch.Tensor]
+
+
+@dataclass(frozen=True)
+class Saved:
+    """The content of a run's policy file."""
+
+    blueprint: dict[str, Any]
+    weights: dict[str, torch.Tensor]
+    parts: dict[str, Beside]
 
 
 def state_of(policy: Policy, beside: Mapping[str, nn.Module]) -> dict[str, Any]:
@@ -38,28 +140,21 @@ def load_policy(run_dir: str | Path) -> Policy:
     Raises:
         RunDirectoryError: the run is not finished, or its policy file is damaged.
     """
-    state = load_saved(run_dir)
-    try:
-        policy = build(state["blueprint"])
-        policy.load_state_dict(state["weights"])
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        reason = " ".join(str(error).split())[:200]
-        raise RunDirectoryError(
-            f"{Path(run_dir) / POLICY} holds no policy of this version ({reason})", remedy="train again"
-        ) from None
+    saved = load_saved(run_dir)
+    with damaged_run(Path(run_dir) / POLICY):
+        policy = build(saved.blueprint, numbers=sum(tensor.numel() for tensor in saved.weights.values()))
+        policy.load_state_dict(saved.weights)
+        check_normalizers(policy)
     return policy
 
 
 def load_components(run_dir: str | Path) -> dict[str, Component]:
     """Load what a finished run trained from scratch beside its policy for a core to keep: `critic`, `dynamics`, or nothing."""
-    return {
-        name: (EnsembleArchitecture.from_json(saved["architecture"]), saved["weights"])
-        for name, saved in load_saved(run_dir)["parts"].items()
-        if saved["architecture"]
-    }
+    parts = load_saved(run_dir).parts.items()
+    return {name: (saved.architecture, saved.weights) for name, saved in parts if saved.architecture is not None}
 
 
-def load_saved(run_dir: str | Path) -> dict[str, Any]:
+def load_saved(run_dir: str | Path) -> Saved:
     """Load what `state_of` collected.
 
     Raises:
@@ -68,28 +163,32 @@ def load_saved(run_dir: str | Path) -> dict[str, Any]:
     path = Path(run_dir) / POLICY
     if not path.exists():
         raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
-    return load_state(path)
+    state = load_state(path)
+    with damaged_run(path):
+        return typed(state, Saved)
 
 
-def build(blueprint: Mapping[str, Any]) -> Policy:
+def build(blueprint: Mapping[str, Any], *, numbers: float = math.inf) -> Policy:
     """Build the policy of a blueprint with zero weights; load its state dict next.
 
     Raises:
-        KeyError, TypeError, ValueError: not a blueprint of this version.
+        FormatError: not a blueprint of this version, or of more weights than `numbers`.
     """
-    if blueprint["kind"] == "constant":
-        return ConstantPolicy(blueprint["obs_dim"], blueprint["act_dim"])
-    if blueprint["kind"] == "scratch":
-        architecture = Architecture.from_json(blueprint["architecture"])
-        return ScratchPolicy.create(architecture, None, init_std=1.0, normalize=blueprint["normalize"])
-    network = PolicyNet(Architecture.from_json(blueprint["core"]))
-    specs = IOSpec.from_json(blueprint["source"]), IOSpec.from_json(blueprint["target"])
-    if blueprint["kind"] == "paper":
-        return PaperSandwich(network, specs, PAPER_WRAP, None)
-    options = {name: blueprint[name] for name in ("tap", "adapter", "finetune", "residual")}
-    normalizer = Normalizer(specs[0].obs_dim) if blueprint["source_normalizer"] else None
-    config = WrapConfig(**options, lr_scale={}, init_std=1.0)
-    return Sandwich(network, normalizer, specs, config, match_for(config.adapter, *specs), None)
+    plan = typed(blueprint, KINDS.get(str(blueprint.get("kind")), Sandwiched))
+    if plan.weights > numbers:
+        raise FormatError(f"its blueprint has {plan.weights:,} weights, the file {numbers:,.0f} numbers")
+    return plan.build()
+
+
+def check_normalizers(module: nn.Module) -> None:
+    """Check statistics that were loaded.
+
+    Raises:
+        FormatError: a variance or a count is negative.
+    """
+    for part in module.modules():
+        if isinstance(part, Normalizer) and bool((part.var < 0).any() or part.count < 0):
+            raise FormatError("a normaliser has a negative variance or count")
 
 
 def as_saved(policy: Policy) -> Policy:

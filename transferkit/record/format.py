@@ -9,10 +9,14 @@ import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
-if TYPE_CHECKING:
-    from transferkit.spec import IOSpec
+import msgspec
+
+from transferkit.reading import Count, parse, sealed, typed, unsealed
+from transferkit.spec import IOSpec
+
+T = TypeVar("T")
 
 VERSION = "1"
 """Version of this format."""
@@ -28,6 +32,48 @@ ABOUT, EPISODE = "transferkit", "episode"
 
 SCENE_HZ = 30.0
 """The most transforms a second of simulated time."""
+
+
+@dataclass(frozen=True)
+class About:
+    """The metadata about a file; more than these is for people."""
+
+    spec: IOSpec
+    seed: Count
+    versions: dict[str, str]
+    clip_actions: bool
+    episodes: Count | None = None
+    """How many it was to hold."""
+    max_episode_steps: Count | None = None
+
+
+class Step(msgspec.Struct, rename={"return_": "return"}):
+    """A message of the topic `/step`, as it is read."""
+
+    episode: Count
+    step: Count
+    observation: dict[str, float]
+    action: dict[str, float]
+    reward: float
+    terminated: bool
+    truncated: bool
+    return_: float = 0.0
+    control: dict[str, float] = {}
+    core_input: dict[str, float] = {}
+    core_output: dict[str, float] = {}
+    value: float | None = None
+    next_observation: dict[str, float] | None = None
+    """Only where an episode ends."""
+    state: str = ""
+
+    @property
+    def ended(self) -> bool:
+        """Whether the episode ended with it."""
+        return self.terminated or self.truncated
+
+    def precedes(self, other: Step) -> bool:
+        """Whether the other one is the next of the same episode."""
+        return (other.episode, other.step) == (self.episode, self.step + 1)
 
 
 @dataclass(frozen=True)
@@ -89,11 +135,19 @@ def schema(names: Names) -> dict[str, Any]:
 
 
 def about(spec: IOSpec, **more: object) -> dict[str, str]:
-    """Make the metadata about a file: values are JSON, because MCAP's are strings."""
-    content = {"format": VERSION, "env": spec.env_id, "spec": spec.to_json(), **more}
-    return {name: json.dumps(value, allow_nan=False) for name, value in content.items()}
+    """Make the metadata about a file."""
+    return as_metadata({"format": VERSION, "env": spec.env_id, "spec": spec.to_json(), **more})
 
 
-def parse(metadata: Mapping[str, str]) -> dict[str, Any]:
-    """Read what `about` made, or an episode's metadata."""
-    return {name: json.loads(value) for name, value in metadata.items()}
+def as_metadata(content: Mapping[str, Any]) -> dict[str, str]:
+    """Write values as JSON, because MCAP's are strings, with a digest of all of them."""
+    return {name: json.dumps(value, allow_nan=False) for name, value in sealed(content).items()}
+
+
+def from_metadata(metadata: Mapping[str, str], kind: type[T]) -> T:
+    """Read what `as_metadata` made; earlier versions wrote no digest.
+
+    Raises:
+        FormatError: it is damaged.
+    """
+    return typed(unsealed({name: parse(value, object) for name, value in metadata.items()}), kind)

@@ -21,26 +21,29 @@ field = "value"
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import orjson
-from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message, Schema
 from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
-from transferkit.record.reader import CutError, Transitions, check_finite, records
+from transferkit.reading import FormatError, parse_toml, read_bytes
+from transferkit.record.mcap_file import Damage, records
+from transferkit.record.reader import Transitions, check_finite
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
 
-REQUIRED, OPTIONAL = ("observation", "action", "reward"), ("terminated", "truncated")
+OPTIONAL = ("terminated", "truncated")
+
+LARGEST = 2**20
+"""Bytes of a mapping."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,28 @@ class Source:
     """The place of a quantity."""
 
     topic: str
-    fields: tuple[str, ...]
+    fields: tuple[str, ...] = ()
+    field: str | None = None
+
+    def __post_init__(self) -> None:
+        if bool(self.fields) == (self.field is not None):
+            raise ValueError(f"the table of topic {self.topic} needs either fields or a field")
+        object.__setattr__(self, "fields", self.fields or (self.field,))
+
+
+@dataclass(frozen=True)
+class ChannelMap:
+    """The place of every quantity."""
+
+    observation: Source
+    action: Source
+    reward: Source
+    terminated: Source | None = None
+    truncated: Source | None = None
+
+    def sources(self) -> dict[str, Source]:
+        """Those that are there, by name."""
+        return {name: source for name, source in vars(self).items() if source is not None}
 
 
 @dataclass(frozen=True)
@@ -59,49 +83,33 @@ class Series:
     values: NDArray[np.float64]
 
 
-def load_mapping(path: Path) -> dict[str, Source]:
+def load_mapping(path: Path) -> ChannelMap:
     """Read a mapping.
 
     Raises:
         RecordingError: no such file, not TOML, or a table that is missing or unknown.
     """
     try:
-        data = tomllib.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RecordingError(f"cannot read the mapping {path}: {error}", topic="mappings") from None
-    unknown = [name for name in data if name not in (*REQUIRED, *OPTIONAL)]
-    missing = [name for name in REQUIRED if name not in data]
-    if unknown or missing:
-        what = f"has an unknown table [{unknown[0]}]" if unknown else f"has no table [{missing[0]}]"
-        raise RecordingError(
-            f"the mapping {path} {what}", remedy=f"it needs {', '.join(REQUIRED)} and may have {', '.join(OPTIONAL)}"
-        )
-    strays = [name for name, table in data.items() if not isinstance(table, dict)]
-    if strays:
-        raise RecordingError(f"the mapping {path} has {strays[0]} = ...", remedy=f"write a table [{strays[0]}]")
-    try:
-        return {
-            name: Source(table["topic"], tuple(map(str, table.get("fields") or [table["field"]])))
-            for name, table in data.items()
-        }
-    except (KeyError, TypeError) as error:
-        raise RecordingError(
-            f"the mapping {path} has a table without {error}", remedy="give each a topic, and fields or a field"
-        ) from None
+        return parse_toml(read_bytes(path, LARGEST), ChannelMap)
+    except OSError as error:
+        raise RecordingError(f"cannot read the mapping {path}: {error.strerror}", topic="mappings") from None
+    except FormatError as error:
+        raise RecordingError(f"the mapping {path} is none: {error}", topic="mappings") from None
 
 
-def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Transitions:
+def read_mapped(path: Path, channels: ChannelMap, spec: IOSpec) -> Transitions:
     """Read the steps of a file of any tool, for an environment of this spec.
 
     Raises:
         RecordingError: not an MCAP file, a topic or field that is not in it, dimensions that do not fit, NaN, or no steps.
     """
-    for name, dim in (("observation", spec.obs_dim), ("action", spec.act_dim)):
+    mapping = channels.sources()
+    for name, dim in (("observation", spec.obs_dim), ("action", spec.act_dim), ("reward", 1)):
         if len(mapping[name].fields) != dim:
             raise RecordingError(
                 f"the mapping names {len(mapping[name].fields)} {name} fields, {spec.env_id} has {dim}", remedy="name as many"
             )
-    series, cut = _series(path, mapping)
+    series, damaged = _series(path, mapping)
     times = series["observation"].times
     if not len(times):
         raise RecordingError(f"{path} has no message on {mapping['observation'].topic}: no step can be made of it")
@@ -124,15 +132,15 @@ def read_mapped(path: Path, mapping: Mapping[str, Source], spec: IOSpec) -> Tran
     terminated, truncated = (flags[name][steps] for name in OPTIONAL)
     # The next message is that of another episode; what a termination led to is not needed, since nothing follows it.
     following = observation[np.where(terminated, steps, steps + 1)]
-    notes = _notes(path, len(steps), int((~logged & followed).sum()), int(unknown.sum()), cut=cut)
+    notes = _notes(path, len(steps), int((~logged & followed).sum()), int(unknown.sum()), damaged=damaged)
     transitions = Transitions(observation[steps], action, reward[:, 0], following, terminated, truncated, notes)
     check_finite(transitions, path)
     return transitions
 
 
-def _notes(path: Path, taken: int, lacking: int, unknown: int, *, cut: bool) -> tuple[str, ...]:
+def _notes(path: Path, taken: int, lacking: int, unknown: int, *, damaged: bool) -> tuple[str, ...]:
     said = {
-        f"{path} is cut: {taken} steps are taken": cut,
+        f"{path} is cut or damaged: {taken} steps are taken": damaged,
         f"{path}: {lacking} steps lack an action or a reward and are left out": lacking,
         f"{path}: {unknown} steps that ended by time or with the file are left out, for it lacks what they led to": unknown,
     }
@@ -146,37 +154,34 @@ def _flag(series: Series | None, rows: NDArray[np.int64] | None, steps: int) -> 
     return (rows[:steps] >= 0) & (series.values[rows[:steps], 0] > 0.5)
 
 
-def _series(path: Path, mapping: Mapping[str, Source]) -> tuple[dict[str, Series], bool]:
-    """Read every mapped quantity over time, and whether the file was cut."""
+def _series(path: Path, mapping: dict[str, Source]) -> tuple[dict[str, Series], bool]:
+    """Read every mapped quantity over time, and whether some of the file is lost."""
     rows: dict[str, list[tuple[int, list[float]]]] = {name: [] for name in mapping}
     by_topic: dict[str, list[str]] = {}
     for name, source in mapping.items():
         by_topic.setdefault(source.topic, []).append(name)
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    seen, cut, protobuf = set(), False, DecoderFactory()
-    try:
-        for record in records(path):
-            if isinstance(record, Schema):
-                schemas[record.id] = record
-            elif isinstance(record, Channel):
-                channels[record.id] = record
-                seen.add(record.topic)
-            elif isinstance(record, Message) and channels[record.channel_id].topic in by_topic:
-                channel = channels[record.channel_id]
-                message = _decode(channel, schemas.get(channel.schema_id), record.data, protobuf, path)
-                for name in by_topic[channel.topic]:
-                    rows[name].append(
-                        (record.log_time, [_value(message, field, channel.topic) for field in mapping[name].fields])
-                    )
-    except CutError:
-        cut = True
+    seen, damaged, protobuf = set(), False, DecoderFactory()
+    for record in records(path):
+        if isinstance(record, Damage):
+            damaged = True
+        elif isinstance(record, Schema):
+            schemas[record.id] = record
+        elif isinstance(record, Channel):
+            channels[record.id] = record
+            seen.add(record.topic)
+        elif isinstance(record, Message) and record.channel_id in channels and channels[record.channel_id].topic in by_topic:
+            channel = channels[record.channel_id]
+            message = _decode(channel, schemas.get(channel.schema_id), record.data, protobuf, path)
+            for name in by_topic[channel.topic]:
+                rows[name].append((record.log_time, [_value(message, field, channel.topic) for field in mapping[name].fields]))
     for name, source in mapping.items():
         if source.topic not in seen:
             raise RecordingError(
                 f"{path} has no topic {source.topic}, which [{name}] names", remedy=f"it has {', '.join(sorted(seen))}"
             )
-    return {name: _sorted(own, len(mapping[name].fields)) for name, own in rows.items()}, cut
+    return {name: _sorted(own, len(mapping[name].fields)) for name, own in rows.items()}, damaged
 
 
 def _sorted(rows: Sequence[tuple[int, list[float]]], width: int) -> Series:
@@ -199,15 +204,16 @@ def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: Deco
             return orjson.loads(data)
         except ValueError as error:
             raise RecordingError(f"{path}: a message of topic {channel.topic} is not JSON ({error})") from None
-    decoder = protobuf.decoder_for(channel.message_encoding, schema)
-    if decoder is None:
+    try:
+        decoder = protobuf.decoder_for(channel.message_encoding, schema)
+        message = None if decoder is None else decoder(data)
+    except Exception as error:  # whatever protobuf raises for a schema or a message that is none
+        raise RecordingError(f"{path}: a message on {channel.topic} does not decode ({error})") from None
+    if message is None:
         raise RecordingError(
             f"{path}: encoding of topic {channel.topic}", value=channel.message_encoding, allowed="json or protobuf"
         )
-    try:
-        return decoder(data)
-    except DecodeError as error:
-        raise RecordingError(f"{path}: a message on {channel.topic} does not decode ({error})") from None
+    return message
 
 
 def _value(message: object, field: str, topic: str) -> float:
@@ -215,9 +221,9 @@ def _value(message: object, field: str, topic: str) -> float:
     for name in field.split("."):
         try:
             node = node[int(name)] if name.isdigit() else node[name] if isinstance(node, dict) else getattr(node, name)
-        except (KeyError, IndexError, TypeError, AttributeError):
+        except (LookupError, TypeError, AttributeError, ValueError):
             raise RecordingError(f"topic {topic} has no field {field}", remedy="check the mapping") from None
     try:
         return float(node)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise RecordingError(f"field {field} of topic {topic} is not a number", remedy="check the mapping") from None

@@ -40,6 +40,7 @@ class Subject:
     env: str
     value: Value | None = None
     clip_actions: bool = True
+    max_episode_steps: int | None = None
     about: Mapping[str, Any] | None = None
     """JSON values for the metadata: the core, its digest, the run."""
 
@@ -64,7 +65,8 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
     for name, value, least in (("episodes", episodes, 1), ("seed", seed, 0)):
         if value < least:
             raise SettingError(name, value=value, allowed=f"at least {least}")
-    env, spec = make_env(subject.env, clip_actions=subject.clip_actions), derive_spec(subject.env)
+    rules = {"clip_actions": subject.clip_actions, "max_episode_steps": subject.max_episode_steps}
+    env, spec = make_env(subject.env, **rules), derive_spec(subject.env)
     simulation = open_simulation(env)
     if simulation is None:
         raise RecordingError(
@@ -76,7 +78,7 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         "seed": seed,
         "episodes": episodes,
         "command": command(),
-        "clip_actions": subject.clip_actions,
+        **rules,
         **(subject.about or {}),
     }
     with closing(env), Recorder(Path(path), about(spec, **more), names, spec.time_step) as recorder:
@@ -86,7 +88,7 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         return tape.played
 
 
-def record_evaluation(policy: Policy, env: str, about: Mapping[str, Any], run: Path, steps: int, *, clip_actions: bool) -> None:
+def record_evaluation(subject: Subject, run: Path, steps: int) -> None:
     """Record an episode of a policy in training as `recordings/step_<N>.mcap`, in place of one that a killed process began.
 
     If it fails a warning is logged: training is worth more than its recording.
@@ -95,7 +97,7 @@ def record_evaluation(policy: Policy, env: str, about: Mapping[str, Any], run: P
     try:
         path.parent.mkdir(exist_ok=True)
         path.unlink(missing_ok=True)
-        record_episodes(Subject(policy, env, clip_actions=clip_actions, about={**about, "steps": steps}), path)
+        record_episodes(subject, path)
     except (TransferkitError, OSError) as error:
         logging.getLogger("transferkit").warning("not recorded: %s", error)
 

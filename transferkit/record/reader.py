@@ -1,42 +1,39 @@
-"""Reading recordings, whole or cut; nothing in a file is run."""
+"""Reading recordings, whole or damaged; nothing in a file is run."""
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
+import msgspec
 import numpy as np
-import orjson
-from mcap.exceptions import McapError
-from mcap.records import Channel, Chunk, Footer, Message, Metadata
-from mcap.stream_reader import StreamReader, breakup_chunk
+from mcap.records import Channel, Message, Metadata
 from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
-from transferkit.record.format import ABOUT, EPISODE, STEP, VERSION, Names, parse
-from transferkit.spec import IOSpec
+from transferkit.reading import FormatError, typed
+from transferkit.record.format import ABOUT, EPISODE, STEP, VERSION, About, Names, Step, from_metadata
+from transferkit.record.mcap_file import Damage, records
 
-MAGIC = b"\x89MCAP0\r\n"
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
-CUT_ERRORS = (McapError, struct.error, ValueError, EOFError, IndexError)
-"""What the reader raises if a file ends in the middle."""
+CUT, DAMAGED, SHORT = "is cut", "is damaged", "holds fewer episodes than it was to"
 
 
 @dataclass(frozen=True)
 class Contents:
     """The records of a file as far as they are whole."""
 
-    about: dict[str, Any]
-    """The file's metadata; empty for a file of another tool."""
-    episodes: list[dict[str, Any]]
-    """Metadata of the episodes that ended."""
-    steps: list[dict[str, Any]]
+    about: About | None
+    """The file's metadata; None for a file of another tool."""
+    steps: list[Step]
     """Messages of the topic `/step`."""
-    complete: bool
-    """False for a file that was cut, or that holds fewer whole episodes than it was to."""
+    flaw: str = ""
+    """Why some are missing; empty for a file that is complete."""
 
 
 @dataclass(frozen=True)
@@ -70,59 +67,31 @@ def read(path: Path, *, about_only: bool = False) -> Contents:
     """Read every whole chunk of a recording, or, if that is enough, what its metadata says before the first.
 
     Raises:
-        RecordingError: it does not exist, or is not an MCAP file.
+        RecordingError: it does not exist, is not an MCAP file, or its metadata or a step has not the form of one.
     """
-    about: dict[str, Any] = {}
-    episodes: list[dict[str, Any]] = []
-    steps: list[dict[str, Any]] = []
-    channel = None
-    complete = False
+    about, steps, episodes, flaw, channel = None, [], 0, "", None
+    step_of = msgspec.json.Decoder(Step).decode
     try:
         for record in records(path):
             if isinstance(record, Message):
                 if record.channel_id == channel:
-                    steps.append(orjson.loads(record.data))
+                    steps.append(step_of(record.data))
+            elif isinstance(record, Damage):
+                flaw = CUT if record.cut else flaw or DAMAGED
+            elif isinstance(record, Channel) and record.topic == STEP:
+                channel = record.id
             elif isinstance(record, Metadata) and record.name == ABOUT:
-                about = parse(record.metadata)
+                about = _about(record.metadata, path)
                 if about_only:
                     break
             elif isinstance(record, Metadata) and record.name == EPISODE:
-                episodes.append(parse(record.metadata))
-            elif isinstance(record, Channel) and record.topic == STEP:
-                channel = record.id
-            complete = isinstance(record, Footer)
-    except CutError:
-        complete = False
-    return Contents(about, episodes, steps, complete and len(episodes) == about.get("episodes", len(episodes)))
-
-
-class CutError(Exception):
-    """The file ends in the middle of a record."""
-
-
-def records(path: Path) -> Iterator[Any]:
-    """Yield every record of every whole chunk, in order; raise `CutError` at the end of a file that was cut.
-
-    Raises:
-        RecordingError: it does not exist, or is not an MCAP file.
-    """
-    try:
-        file = path.open("rb")
-    except OSError as error:
-        raise RecordingError(f"cannot read {path}: {error.strerror}", topic="recordings") from None
-    with file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise RecordingError(f"{path} is not an MCAP file", topic="recordings")
-        file.seek(0)
-        try:
-            for record in StreamReader(file, emit_chunks=True).records:
-                yield from breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else (record,)
-        except CUT_ERRORS as error:
-            raise CutError from error
-        except Exception as error:  # the decompressors have errors of their own
-            if "zstd" in type(error).__module__.lower() or "lz4" in type(error).__module__.lower():
-                raise CutError from error
-            raise
+                from_metadata(record.metadata, dict)
+                episodes += 1
+    except (FormatError, msgspec.MsgspecError, ValueError, RecursionError) as error:
+        raise RecordingError(f"{path} is damaged: {error}", remedy="record it again", topic="recordings") from None
+    if not flaw and about is not None and about.episodes not in (None, episodes):
+        flaw = SHORT
+    return Contents(about, steps, "" if about_only else flaw)
 
 
 def read_transitions(path: str | Path, spec: IOSpec) -> Transitions:
@@ -136,27 +105,26 @@ def read_transitions(path: str | Path, spec: IOSpec) -> Transitions:
     recorded = spec_of(contents, path)
     check_spec(recorded, spec, path)
     names, steps = Names.of(recorded), contents.steps
-    kept = steps if not steps or _ended(steps[-1]) else steps[:-1]  # what the last one led to is not known
-    if not kept:
+    last = [not step.precedes(after) for step, after in itertools.pairwise(steps)] + [True] * bool(steps)
+    known = np.array([step.ended or not is_last for step, is_last in zip(steps, last, strict=True)], bool)
+    if not known.any():
         raise RecordingError(f"{path} holds no whole step", remedy="record it again", topic="recordings")
-    observation = _array(steps, "observation", names.observation)
-    following = np.empty_like(observation)
-    following[:-1] = observation[1:]
-    for k, step in enumerate(steps):
-        if _ended(step):
-            following[k] = [step["next_observation"][name] for name in names.observation]
-    n = len(kept)
+    observation = _array([step.observation for step in steps], names.observation, path)
+    following = np.roll(observation, -1, axis=0)
+    ends = [k for k, step in enumerate(steps) if step.ended]
+    following[ends] = _array([steps[k].next_observation or {} for k in ends], names.observation, path)
+    kept = list(itertools.compress(steps, known))
     transitions = Transitions(
-        observation[:n],
-        _array(kept, "action", names.action),
-        np.array([step["reward"] for step in kept], np.float32),
-        following[:n],
-        np.array([step["terminated"] for step in kept]),
-        np.array([step["truncated"] for step in kept]),
-        () if contents.complete else (_taken(path, kept),),
+        observation[known],
+        _array([step.action for step in kept], names.action, path),
+        np.array([step.reward for step in kept], np.float32),
+        following[known],
+        np.array([step.terminated for step in kept]),
+        np.array([step.truncated for step in kept]),
+        (_taken(path, contents.flaw, kept),) if contents.flaw else (),
     )
     check_finite(transitions, path)
-    if not contents.about["clip_actions"] and np.abs(transitions.action).max() > 1:
+    if not about_of(contents, path).clip_actions and np.abs(transitions.action).max() > 1:
         raise RecordingError(
             f"{path} has actions beyond -1 to 1 that were not clipped, as under the paper preset",
             remedy="record a run of another preset",
@@ -164,20 +132,34 @@ def read_transitions(path: str | Path, spec: IOSpec) -> Transitions:
     return replace(transitions, action=transitions.action.clip(-1.0, 1.0))
 
 
+def _about(metadata: dict[str, str], path: Path) -> About:
+    content = from_metadata(metadata, dict)
+    if content.get("format") != VERSION:
+        raise RecordingError(
+            f"{path} has recording format {content.get('format')}, this transferkit reads up to {VERSION}",
+            remedy="upgrade transferkit",
+        )
+    return typed(content, About)
+
+
+def about_of(contents: Contents, path: Path) -> About:
+    """Take what a recording of ours says of itself.
+
+    Raises:
+        RecordingError: it is not one of ours.
+    """
+    if contents.about is None:
+        raise RecordingError(f"{path} is not a recording of transferkit", remedy="name its channels with {mapping}")
+    return contents.about
+
+
 def spec_of(contents: Contents, path: Path) -> IOSpec:
     """Take the environment's spec from a recording of ours.
 
     Raises:
-        RecordingError: it has none, or is of a newer format.
+        RecordingError: it is not one of ours.
     """
-    if not contents.about:
-        raise RecordingError(f"{path} is not a recording of transferkit", remedy="name its channels with {mapping}")
-    if int(contents.about["format"]) > int(VERSION):
-        raise RecordingError(
-            f"{path} has recording format {contents.about['format']}, this transferkit reads up to {VERSION}",
-            remedy="upgrade transferkit",
-        )
-    return IOSpec.from_json(contents.about["spec"])
+    return about_of(contents, path).spec
 
 
 def check_spec(recorded: IOSpec, spec: IOSpec, path: Path) -> None:
@@ -218,17 +200,13 @@ def check_finite(transitions: Transitions, path: Path) -> None:
             )
 
 
-def _taken(path: Path, steps: Sequence[dict[str, Any]]) -> str:
-    part = "" if _ended(steps[-1]) else ", the last one in part"
-    return f"{path} is cut: {len(steps)} steps of {steps[-1]['episode'] + 1} episodes are taken{part}"
+def _taken(path: Path, flaw: str, steps: Sequence[Step]) -> str:
+    part = "" if steps[-1].ended else ", the last one in part"
+    return f"{path} {flaw}: {len(steps)} steps of {len({step.episode for step in steps})} episodes are taken{part}"
 
 
-def _ended(step: dict[str, Any]) -> bool:
-    return step["terminated"] or step["truncated"]
-
-
-def _array(steps: Sequence[dict[str, Any]], field_name: str, names: Sequence[str]) -> NDArray[np.float32]:
+def _array(rows: Sequence[dict[str, float]], names: Sequence[str], path: Path) -> NDArray[np.float32]:
     try:
-        return np.array([[step[field_name][name] for name in names] for step in steps], np.float32)
+        return np.array([[row[name] for name in names] for row in rows], np.float32).reshape(len(rows), len(names))
     except KeyError as error:
-        raise RecordingError(f"a step lacks {field_name} {error}", remedy="record it again", topic="recordings") from None
+        raise RecordingError(f"{path}: a step lacks {error}", remedy="record it again", topic="recordings") from None

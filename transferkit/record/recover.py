@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,36 +10,34 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from transferkit.errors import RecordingError
-from transferkit.record.reader import CutError, records
+from transferkit.files import check_new, writing
+from transferkit.record.mcap_file import Damage, records
 
 
 def recover(path: Path, out: Path) -> tuple[int, bool]:
-    """Copy every whole chunk of an MCAP file of any tool into a new file; returns its messages, and whether any was cut off.
+    """Copy every whole chunk of an MCAP file of any tool into a new file; returns its messages, and whether any was lost.
 
     Raises:
         RecordingError: not an MCAP file, nothing whole in it, or `out` exists.
     """
-    if out.exists():
-        raise RecordingError(f"{out} exists", remedy="choose another {out}")
-    count, cut = 0, True
+    check_new(out, "out")
+    count, whole = 0, True
     temporary = out.with_name(out.name + ".tmp")
-    with temporary.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.ZSTD)
-        writer.start(library="transferkit")
-        copy = _Copy(writer)
-        try:
-            with suppress(CutError):
-                for record in records(path):
-                    count += copy(record)
-                cut = False
+    try:
+        with writing(out), temporary.open("wb") as file:
+            writer = Writer(file, compression=CompressionType.ZSTD)
+            writer.start(library="transferkit")
+            copy = _Copy(writer)
+            for record in records(path):
+                whole = whole and not isinstance(record, Damage)
+                count += copy(record)
             if not count:
-                raise RecordingError(f"{path} was cut before its first whole chunk, so nothing can be recovered")
+                raise RecordingError(f"{path} has no whole chunk, so nothing can be recovered")
             writer.finish()
-        except BaseException:
-            temporary.unlink()
-            raise
-    temporary.replace(out)
-    return count, cut
+        temporary.replace(out)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return count, not whole
 
 
 class _Copy:
@@ -72,11 +69,12 @@ class _Copy:
 
     def _channel(self, record: Channel) -> None:
         if record.id not in self._channels:
-            schema = self._schemas[record.schema_id]
+            schema = self._schemas.get(record.schema_id, 0)
             self._channels[record.id] = self._writer.register_channel(
                 record.topic, record.message_encoding, schema, record.metadata
             )
 
     def _message(self, record: Message) -> None:
-        channel = self._channels[record.channel_id]
-        self._writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)
+        channel = self._channels.get(record.channel_id)  # None if what described it is damaged
+        if channel is not None:
+            self._writer.add_message(channel, record.log_time, record.data, record.publish_time, record.sequence)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
@@ -21,7 +20,7 @@ from foxglove.messages import FrameTransforms, SceneUpdate
 from numpy.typing import NDArray
 
 from transferkit.errors import NotFiniteError, RecordingError
-from transferkit.record.format import ABOUT, EPISODE, SCENE, STEP, TRANSFORMS, schema
+from transferkit.record.format import ABOUT, EPISODE, SCENE, STEP, TRANSFORMS, as_metadata, schema
 
 if TYPE_CHECKING:
     from transferkit.record.format import Names
@@ -120,7 +119,7 @@ class Recorder:
 
     def end_episode(self, **about: float | bool) -> None:
         """Note an episode that is whole."""
-        self._sure(lambda: self._writer.write_metadata(EPISODE, {name: json.dumps(value) for name, value in about.items()}))
+        self._sure(lambda: self._writer.write_metadata(EPISODE, as_metadata(about)))
 
     def _sure(self, write: Callable[[], None]) -> None:
         try:

@@ -1,9 +1,9 @@
 """The run directory: what a training run writes, so that a kill at any moment leaves it readable and resumable."""
 
-from transferkit.run.directory import CHECKPOINT, POLICY, RECORD, RESULT, RunDirectory, check_same, read_record
-from transferkit.run.result import Result
+from transferkit.run.directory import CHECKPOINT, POLICY, RunDirectory, check_same, read_beside, read_record
+from transferkit.run.result import RECORD, RESULT, Beside, Record, Result
 from transferkit.run.session import Report, Schedule, Scores, Session
-from transferkit.run.state_file import check_state, load_state, save_state
+from transferkit.run.state_file import check_alike, load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES, EpisodeRow, EvaluationRow, ModelRow, Row, read_table
 
 __all__ = [
@@ -13,9 +13,11 @@ __all__ = [
     "RECORD",
     "RESULT",
     "TABLES",
+    "Beside",
     "EpisodeRow",
     "EvaluationRow",
     "ModelRow",
+    "Record",
     "Report",
     "Result",
     "Row",
@@ -23,9 +25,10 @@ __all__ = [
     "Schedule",
     "Scores",
     "Session",
+    "check_alike",
     "check_same",
-    "check_state",
     "load_state",
+    "read_beside",
     "read_record",
     "read_table",
     "save_state",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import fcntl
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -13,16 +14,17 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, TextIO
 
 from transferkit.errors import RunDirectoryError, RunInUseError
-from transferkit.files import read_json, write_json, writing
+from transferkit.files import damaged_run, read_json, write_json, writing
+from transferkit.reading import Count, FormatError, typed
+from transferkit.run.result import RECORD, RESULT, Beside, Record, Result
 from transferkit.run.state_file import load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES
 from transferkit.versions import command, git_state, versions
 
 if TYPE_CHECKING:
-    from transferkit.run.result import Result
     from transferkit.run.tables import Row
 
-RECORD, CHECKPOINT, POLICY, RESULT = "run.json", "checkpoint.safetensors", "policy.safetensors", "result.json"
+CHECKPOINT, POLICY = "checkpoint.safetensors", "policy.safetensors"
 LOCK = ".lock"
 LEFTOVERS = (LOCK, RECORD + ".tmp")
 """Files that a start leaves behind if it is killed before it wrote its record."""
@@ -76,10 +78,11 @@ class RunDirectory:
         if run.result is not None:
             return run, None  # finished: its tables stay as they are
         state = load_state(path / CHECKPOINT) if (path / CHECKPOINT).exists() else None
+        lengths = {} if state is None else run._lengths(state)
         for kind in TABLES:
-            if run._table_path(kind).exists():
+            if kind.file(path).exists():
                 with writing(path):
-                    os.truncate(run._table_path(kind), state["tables"].get(kind.table, 0) if state else 0)
+                    os.truncate(kind.file(path), lengths.get(kind.table, 0))
                 run._open(kind)
         return run, state
 
@@ -88,7 +91,7 @@ class RunDirectory:
         kind = type(row)
         if kind.table not in self._tables:
             self._open(kind)
-        with writing(self._table_path(kind)):
+        with writing(kind.file(self.path)):
             csv.writer(self._tables[kind.table], lineterminator="\n").writerow(row.values())
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
@@ -106,14 +109,16 @@ class RunDirectory:
         save_state(self.path / POLICY, state)
 
     def finish(self, result: Result) -> Result:
-        """Write the result and return it; a run with a result is finished."""
-        write_json(self.path / RESULT, asdict(result))
+        """Write the result with the checksums of the tables, and return it; a run with a result is finished."""
+        paths = [kind.file(self.path) for kind in TABLES if kind.table in self._tables]
+        files = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
+        write_json(self.path / RESULT, {**asdict(result), "files": files})
         return result
 
     @property
-    def result(self) -> dict[str, Any] | None:
+    def result(self) -> Result | None:
         """The result of a finished run."""
-        return read_json(self.path / RESULT) if (self.path / RESULT).exists() else None
+        return read_json(self.path / RESULT, Result) if (self.path / RESULT).exists() else None
 
     def close(self) -> None:
         """Release the directory."""
@@ -140,14 +145,23 @@ class RunDirectory:
         return lock
 
     def _open(self, kind: type[Row]) -> None:
-        with writing(self._table_path(kind)):
-            file = self._table_path(kind).open("a", buffering=1, newline="")
+        with writing(kind.file(self.path)):
+            file = kind.file(self.path).open("a", buffering=1, newline="")
             self._tables[kind.table] = file
             if file.tell() == 0:
                 csv.writer(file, lineterminator="\n").writerow(kind.columns())
 
-    def _table_path(self, kind: type[Row]) -> Path:
-        return self.path / f"{kind.table}.csv"
+    def _lengths(self, state: Mapping[str, Any]) -> dict[str, int]:
+        """How long the tables were when a checkpoint was written; none may be shorter now."""
+        with damaged_run(self.path / CHECKPOINT):
+            lengths = typed(state.get("tables"), dict[str, Count])
+        for kind in TABLES:
+            if lengths.get(kind.table, 0) > (kind.file(self.path).stat().st_size if kind.file(self.path).exists() else 0):
+                raise RunDirectoryError(
+                    f"{kind.file(self.path)} is shorter than when the checkpoint was written",
+                    remedy="train again into another {out}",
+                )
+        return lengths
 
 
 def read_record(run: Path) -> dict[str, Any]:
@@ -156,7 +170,19 @@ def read_record(run: Path) -> dict[str, Any]:
     Raises:
         RunDirectoryError: there is no run, or its record is damaged.
     """
-    return read_json(run / RECORD)["config"]
+    return read_json(run / RECORD, Record).config
+
+
+def read_beside(record: Mapping[str, Any]) -> Beside:
+    """Take what a training run's record has beside the configuration.
+
+    Raises:
+        RunDirectoryError: it is the record of something else.
+    """
+    try:
+        return typed(record, Beside)
+    except FormatError as error:
+        raise RunDirectoryError(f"{RECORD} is not the record of a training run ({error})", remedy="train again") from None
 
 
 def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> None:

@@ -1,8 +1,42 @@
-"""The outcome of a training run."""
+"""What a run's JSON files hold: its record, written first, and its result, written last."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+RECORD, RESULT = "run.json", "result.json"
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a run was started with."""
+
+    config: dict[str, Any]
+    """Its configuration, of this version or of an earlier one."""
+    versions: dict[str, str]
+    git: dict[str, Any] | None = None
+    command: str = ""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A recording that training starts with."""
+
+    name: str
+    steps: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What the configuration in the record of a training run has beside its settings."""
+
+    policy: dict[str, Any]
+    """The policy's blueprint."""
+    core_digest: str | None = None
+    recordings: tuple[Recording, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -31,3 +65,11 @@ class Result:
     run_dir: str
     prior_steps: int = 0
     """Steps of recordings that training started with; in no other count."""
+
+
+@dataclass(frozen=True)
+class Checksums:
+    """What `result.json` has beside the result."""
+
+    files: Mapping[str, str] = field(default_factory=dict)
+    """sha256 of every table of the run; none in what earlier versions wrote."""

@@ -7,12 +7,13 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
 import numpy as np
 
 from transferkit.budget import Spent
 from transferkit.errors import InterruptedRunError, NotFiniteError
+from transferkit.reading import Count, FormatError, typed
 from transferkit.run.scalars import ScalarLog
 from transferkit.run.stop_signals import StopRequest, stop_signals
 from transferkit.run.tables import EpisodeRow, EvaluationRow
@@ -26,6 +27,23 @@ RECENT = 50
 
 Scores = Mapping[str, float]
 """Mean, deviation and interval of an evaluation's returns, and its number of episodes, by column."""
+
+SCORES = EvaluationRow.columns()[3:]
+"""Their names."""
+
+State = TypedDict(
+    "State",
+    {
+        "spent": tuple[Count, Count, float],
+        "return": list[float],
+        "length": list[Count],
+        "recent": list[float],
+        "evaluated": Count,
+        "evaluations": Count,
+        "scores": NotRequired[dict[str, float]],
+    },
+)
+"""What a checkpoint says of a session; older ones have no scores, and evaluate their last step again."""
 
 Report = Callable[[Spent, Mapping[str, float]], None]
 """Called after every update with what is spent and the latest metrics, for a progress bar."""
@@ -136,14 +154,22 @@ class Session:
         self.directory.checkpoint({"session": own, **state})
         self._saved = time.monotonic()
 
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a checkpoint's `session` state."""
+    def restore(self, data: object) -> None:
+        """Go on from a checkpoint's `session` state.
+
+        Raises:
+            FormatError: it is not the state of such a session.
+        """
+        state = typed(data, State)
+        scores = state.get("scores", {})
+        if not len(state["return"]) == len(state["length"]) == len(self._return) or set(scores) not in (set(), {*SCORES}):
+            raise FormatError("it is the state of another session")
         self.spent = Spent(*state["spent"])
         self._seconds_before = self.spent.seconds
         self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
         self._recent.extend(state["recent"])
         self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
-        self._scores = state.get("scores", {})  # older checkpoints have none, and evaluate their last step again
+        self._scores = scores
 
     @contextmanager
     def running(self) -> Iterator[None]:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import safetensors
-import safetensors.torch
 import torch
 
-from transferkit.errors import RunDirectoryError
-from transferkit.files import write_atomically
+from transferkit.files import damaged_run, write_atomically
+from transferkit.reading import FormatError, parse, read_bytes
+from transferkit.tensors import LARGEST, dump_tensors, parse_tensors
 
 _TENSOR = "__tensor__"
 _TREE = "tree"
@@ -22,8 +19,8 @@ _TREE = "tree"
 def save_state(path: Path, state: object) -> None:
     """Write nested dicts and lists of tensors and JSON values as one safetensors file."""
     tensors: dict[str, torch.Tensor] = {}
-    tree = json.dumps(_without_tensors(state, tensors))
-    write_atomically(path, safetensors.torch.save(tensors, {_TREE: tree}))
+    tree = json.dumps(_without_tensors(state, tensors), allow_nan=False)
+    write_atomically(path, dump_tensors(tensors, {_TREE: tree}))
 
 
 def load_state(path: Path) -> dict[str, Any]:
@@ -32,31 +29,38 @@ def load_state(path: Path) -> dict[str, Any]:
     Raises:
         RunDirectoryError: the file is not a state file, or is damaged.
     """
-    with _reading(path) as file:
-        tree = json.loads(file.metadata()[_TREE])
-        tensors = {name: file.get_tensor(name) for name in list(file.keys())}
-    return _with_tensors(tree, tensors)
+    with damaged_run(path):
+        tensors, metadata = parse_tensors(read_bytes(path, LARGEST))
+        if set(metadata) != {_TREE}:
+            raise FormatError("it is not the state of a run")
+        try:
+            state = _with_tensors(parse(metadata[_TREE], dict[str, Any]), tensors)
+        except (KeyError, TypeError, ValueError):
+            raise FormatError("it is not the state of a run") from None
+    return state
 
 
-def check_state(path: Path) -> None:
-    """Check that a state file is whole, without reading its tensors.
+def check_alike(state: object, example: object, where: str = "state") -> None:
+    """Compare a state with one of the same kind: names, types, and shapes but for what is empty in the example.
 
     Raises:
-        RunDirectoryError: it is not a state file, or is damaged.
+        FormatError: they differ.
     """
-    with _reading(path) as file:
-        json.loads(file.metadata()[_TREE])
-
-
-@contextlib.contextmanager
-def _reading(path: Path) -> Iterator[Any]:
-    try:
-        with safetensors.safe_open(path, "pt") as file:
-            yield file
-    except (OSError, safetensors.SafetensorError, KeyError, TypeError, ValueError) as error:
-        raise RunDirectoryError(
-            f"{path} cannot be read ({error})", remedy="delete the run directory and train again"
-        ) from error
+    if isinstance(example, dict) and isinstance(state, dict):
+        for name in example.keys() & state.keys():
+            check_alike(state[name], example[name], f"{where}.{name}")
+    elif isinstance(example, list | tuple) and isinstance(state, list):
+        if example and len(state) != len(example):
+            raise FormatError(f"{where} has {len(state)} items instead of {len(example)}")
+        for k, (one, other) in enumerate(zip(state, example, strict=False)):
+            check_alike(one, other, f"{where}.{k}")
+    elif isinstance(example, torch.Tensor) and isinstance(state, torch.Tensor):
+        grows = int(example.dim() > 0 and len(example) == 0)
+        same = state.dtype == example.dtype and state.dim() == example.dim() and state.shape[grows:] == example.shape[grows:]
+        if not same:
+            raise FormatError(f"{where} is {state.dtype} of shape {tuple(state.shape)} instead of {tuple(example.shape)}")
+    elif type(state) is not type(example) and not (type(example) is float and type(state) is int):
+        raise FormatError(f"{where} is {type(state).__name__} instead of {type(example).__name__}")
 
 
 def _without_tensors(node: object, tensors: dict[str, torch.Tensor]) -> object:

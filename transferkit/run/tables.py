@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from transferkit.files import damaged_run, read_json
+from transferkit.reading import FormatError, read_bytes
+from transferkit.run.result import RESULT, Checksums
+
+LARGEST = 256 * 2**20
+"""Bytes of a table."""
 
 
 @dataclass(frozen=True)
@@ -19,6 +30,11 @@ class Row:
     def columns(cls) -> tuple[str, ...]:
         """The header; `return_` stands for `return`, which Python does not allow."""
         return tuple(field.name.rstrip("_") for field in fields(cls))
+
+    @classmethod
+    def file(cls, run: Path) -> Path:
+        """Where it lies."""
+        return run / f"{cls.table}.csv"
 
     def values(self) -> list[float]:
         """The cells, in the order of the columns."""
@@ -75,7 +91,28 @@ ALWAYS: tuple[type[Row], ...] = (EpisodeRow, EvaluationRow)
 """Tables that are there from the start; another comes with its first row."""
 
 
-def read_table(run: Path, kind: type[Row]) -> list[dict[str, float]]:
-    """Read the rows of a run's table, all values as numbers."""
-    with (run / f"{kind.table}.csv").open(newline="") as file:
-        return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(file)]
+def read_table(run: Path, kind: type[Row]) -> dict[str, NDArray[np.float64]]:
+    """Read a run's table by column, `(rows,)` each, up to a last row that is not whole yet.
+
+    Raises:
+        RunDirectoryError: there is no table, or it is damaged.
+    """
+    path = kind.file(run)
+    with damaged_run(path):
+        data = read_bytes(path, LARGEST)
+        _check_digest(run, path, data)
+        try:
+            header, *rows = csv.reader(data[: data.rfind(b"\n") + 1].decode("ascii").splitlines())
+            values = np.array(rows, float).reshape(-1, len(header))
+        except (ValueError, csv.Error):
+            raise FormatError("it is not a table of numbers") from None
+        if tuple(header) != kind.columns() or not np.isfinite(values).all():
+            raise FormatError(f"it is not a table of {', '.join(kind.columns())}, all finite")
+    return dict(zip(header, values.T, strict=True))
+
+
+def _check_digest(run: Path, path: Path, data: bytes) -> None:
+    if (run / RESULT).exists():
+        recorded = read_json(run / RESULT, Checksums).files
+        if path.name in recorded and recorded[path.name] != hashlib.sha256(data).hexdigest():
+            raise FormatError("it was changed: its checksum does not fit")

@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
+from transferkit.files import damaged_run
+from transferkit.run import CHECKPOINT, check_alike
+
 if TYPE_CHECKING:
     from transferkit.envs import VectorEnv
     from transferkit.run import Scores, Session
@@ -59,8 +62,10 @@ def run_loop(trainer: Trainer, envs: VectorEnv, session: Session, checkpoint: Ma
     if checkpoint is None:
         observation = envs.reset()
     else:
-        trainer.restore(checkpoint["trainer"])
-        observation = envs.restore(checkpoint["envs"])
+        with damaged_run(session.directory.path / CHECKPOINT):
+            check_alike(checkpoint["trainer"], trainer.state())
+            trainer.restore(checkpoint["trainer"])
+            observation = envs.restore(checkpoint["envs"])
     while session.progress < 1:
         observation, metrics = trainer.advance(envs, observation, session)
         if metrics is not None:
@@ -72,8 +77,9 @@ def train_and_evaluate(
 ) -> Scores:
     """Run the loop within its session, with an evaluation after it and, if some are due during training, before it."""
     if checkpoint is not None:
-        checkpoint = migrated_checkpoint(checkpoint)
-        session.restore(checkpoint["session"])
+        with damaged_run(session.directory.path / CHECKPOINT):
+            checkpoint = migrated_checkpoint(checkpoint)
+            session.restore(checkpoint["session"])
     with session.running(), closing(envs):
         if checkpoint is None and session.schedule.eval_every:
             session.evaluate()  # before any training: the jumpstart

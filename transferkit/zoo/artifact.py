@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import safetensors
 import safetensors.torch
 import torch
 from torch import Tensor
@@ -15,16 +15,21 @@ from transferkit.errors import ArtifactError
 from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, EnsembleArchitecture
 from transferkit.policy.core import Core
+from transferkit.reading import FormatError, read_bytes, typed
 from transferkit.streams import Streams
-from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card, sha256
+from transferkit.tensors import parse_tensors
+from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
 from transferkit.zoo.catalog import find_core
 from transferkit.zoo.readme import render
 
 if TYPE_CHECKING:
-    from transferkit.zoo.card import Card
+    from transferkit.zoo.card import Card, Kind
 
-ENSEMBLES = ("critic", "dynamics")
+ENSEMBLES: tuple[Kind, ...] = ("critic", "dynamics")
 """Optional components of a core, each a method of `Core`."""
+
+LARGEST = 256 * 2**20
+"""Bytes of the weights, or of the probe."""
 
 PROBE_INPUTS = 32
 PROBE_TOLERANCE = 1e-5
@@ -32,7 +37,7 @@ PROBE_TOLERANCE = 1e-5
 
 
 def load_core(name: str | Path) -> Core:
-    """Load a core by id or folder, after its hashes, schema and shapes are checked.
+    """Load a core by id or folder, after its hashes, schema, shapes and numbers are checked.
 
     Raises:
         UnknownNameError: there is no such core.
@@ -40,27 +45,24 @@ def load_core(name: str | Path) -> Core:
     """
     folder = find_core(name)
     card = read_card(folder)
-    check_hashes(folder, card)
-    tensors = _read(folder / WEIGHTS)
+    check_files(card)
     components: dict[str, dict[str, Tensor]] = {}
-    for key, tensor in tensors.items():
+    for key, tensor in _read(folder, WEIGHTS, card).items():
         component, _, parameter = key.partition("/")
         components.setdefault(component, {})[parameter] = tensor
     if set(components) != set(card.components):
         raise ArtifactError(
             f"core {card.id} holds the components {sorted(components)}, its card says {sorted(card.components)}", remedy=RESTORE
         )
-    if "policy" not in components:
-        raise ArtifactError(f"core {card.id} has no policy", remedy="pretrain it again")
     try:
         core = _core(card, components)
         for member in range(len(card.seeds)):
             core.policy(member)
             for component in core.ensembles:
                 getattr(core, component)(member)
-    except (KeyError, TypeError, RuntimeError) as error:  # torch's message lists every tensor that does not fit, on many lines
+    except (FormatError, LookupError, TypeError, RuntimeError) as error:  # torch's message lists every tensor on many lines
         reason = " ".join(str(error).split())[:200]
-        raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})") from None
+        raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})", remedy=RESTORE) from None
     return core
 
 
@@ -74,19 +76,30 @@ def save_core(core: Core, card: Card, folder: Path) -> Card:
         raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
     folder.mkdir(parents=True, exist_ok=True)
     flat = {f"{component}/{name}": tensor for component, tensors in core.components.items() for name, tensor in tensors.items()}
-    write_atomically(folder / WEIGHTS, safetensors.torch.save(flat))
-    write_atomically(folder / PROBE, safetensors.torch.save(_make_probe(core)))
-    complete = replace(card, files={name: sha256(folder / name) for name in (WEIGHTS, PROBE)})
-    write_json(folder / CARD, complete.to_json())
-    write_atomically(folder / README, render(complete).encode())
-    return complete
+    blobs = {WEIGHTS: safetensors.torch.save(flat), PROBE: safetensors.torch.save(_make_probe(core))}
+    for name, blob in blobs.items():
+        write_atomically(folder / name, blob)
+    card = replace(card, files={name: hashlib.sha256(blob).hexdigest() for name, blob in blobs.items()})
+    write_atomically(folder / README, render(card).encode())
+    write_json(folder / CARD, card.to_json())  # last: a folder without a card is no core
+    return read_card(folder)
 
 
 def _core(card: Card, components: dict[str, dict[str, Tensor]]) -> Core:
     kinds = card.components
-    ensembles = {name: EnsembleArchitecture.from_json(kinds[name].architecture) for name in ENSEMBLES if name in components}
-    architecture = Architecture.from_json(kinds["policy"].architecture)
-    return Core(card.id, card.source, architecture, card.seeds, components, str(card.to_json()["digest"]), ensembles)
+    ensembles = {name: typed(kinds[name].architecture, EnsembleArchitecture) for name in ENSEMBLES if name in components}
+    policy = typed(kinds["policy"].architecture, Architecture)
+    if (policy.obs_dim, policy.act_dim) != (card.source.obs_dim, card.source.act_dim):
+        raise FormatError(f"its policy has {policy.obs_dim} inputs and {policy.act_dim} actions, its source others")
+    for name, architecture in {"policy": policy, **ensembles}.items():
+        tensors = components[name].values()
+        if any(len(tensor) != len(card.seeds) for tensor in tensors):
+            raise FormatError(f"{name} has another number of members")
+        if architecture.weights * len(card.seeds) > sum(tensor.numel() for tensor in tensors):
+            raise FormatError(f"{name} has fewer numbers than its architecture")
+    if "normalizer" in components and bool((components["normalizer"]["var"] < 0).any()):
+        raise FormatError("normalizer has a negative variance")
+    return Core(card.id, card.source, policy, card.seeds, components, card.digest, ensembles)
 
 
 def policy_card(architecture: Architecture) -> ComponentCard:
@@ -98,7 +111,7 @@ def policy_card(architecture: Architecture) -> ComponentCard:
     return ComponentCard("policy", architecture.to_json(), ("body.0.weight",), tuple(output))
 
 
-def ensemble_card(kind: str, architecture: EnsembleArchitecture) -> ComponentCard:
+def ensemble_card(kind: Kind, architecture: EnsembleArchitecture) -> ComponentCard:
     """Make the card's entry of critics or of a model, with its ends named."""
     outputs = ("ensemble.head.weight", "ensemble.head.bias")
     statistics = ("mean", "std") if kind == "dynamics" else ()
@@ -110,31 +123,35 @@ def normalizer_card(obs_dim: int) -> ComponentCard:
     return ComponentCard("normalizer", {"obs_dim": obs_dim}, ("mean", "var", "count"), ())
 
 
-def check_hashes(folder: Path, card: Card) -> None:
-    """Compare every file with the card.
+def check_files(card: Card) -> None:
+    """Check that the card has a hash of every file that is read.
 
     Raises:
-        ArtifactError: a file is missing or differs.
+        ArtifactError: one is missing, or it names another file.
     """
-    for name, expected in card.files.items():
-        path = folder / name
-        if not path.exists():
-            raise ArtifactError(f"core {card.id} lacks its file {name}", remedy=RESTORE)
-        if sha256(path) != expected:
-            raise ArtifactError(f"core {card.id}: {name} is truncated or was changed", remedy=RESTORE)
+    if set(card.files) != {WEIGHTS, PROBE}:
+        raise ArtifactError(
+            f"core {card.id}: files of its card", value=sorted(card.files), allowed=f"{PROBE} and {WEIGHTS}", remedy=RESTORE
+        )
 
 
 def check_probe(core: Core, folder: Path) -> float:
     """Find the largest difference between the core's outputs on the stored inputs and the stored outputs.
 
     Raises:
-        ArtifactError: it exceeds the tolerance.
+        ArtifactError: it exceeds the tolerance, or the stored inputs and outputs do not fit the core.
     """
-    stored = _read(folder / PROBE)
-    worst = 0.0
-    for member in range(len(core.seeds)):
-        for name, output in _outputs(core, member, stored["input"]).items():
-            worst = max(worst, float((output - stored[name][member]).abs().max()))
+    card = read_card(folder)
+    check_files(card)
+    stored, members = _read(folder, PROBE, card), len(core.seeds)
+    observation = stored.get("input", torch.empty(0))
+    if observation.shape != (PROBE_INPUTS, core.spec.obs_dim):
+        raise ArtifactError(f"core {core.id}: {PROBE} has no inputs of its source", remedy=RESTORE)
+    outputs = [_outputs(core, member, observation) for member in range(members)]
+    if any(name not in stored or stored[name].shape != (members, *output.shape) for name, output in outputs[0].items()):
+        raise ArtifactError(f"core {core.id}: {PROBE} has other outputs than its components", remedy=RESTORE)
+    differences = [(own[name] - stored[name][k]).abs().max() for k, own in enumerate(outputs) for name in own]
+    worst = float(torch.stack(differences).max())  # NaN if one is
     if not worst <= PROBE_TOLERANCE:
         raise ArtifactError(
             f"core {core.id} computes other outputs than it was released with (difference {worst:.2e}, allowed "
@@ -167,8 +184,16 @@ def _outputs(core: Core, member: int, observation: Tensor) -> dict[str, Tensor]:
     return outputs
 
 
-def _read(path: Path) -> dict[str, Tensor]:
+def _read(folder: Path, name: str, card: Card) -> dict[str, Tensor]:
+    """Read a file of tensors after its hash."""
     try:
-        return safetensors.torch.load_file(path)
-    except (OSError, safetensors.SafetensorError) as error:
-        raise ArtifactError(f"{path} cannot be read ({error})", remedy=RESTORE) from None
+        data = read_bytes(folder / name, LARGEST, follow=False)
+        if hashlib.sha256(data).hexdigest() != card.files[name]:
+            raise ArtifactError(f"core {card.id}: {name} is truncated or was changed", remedy=RESTORE)
+        return parse_tensors(data)[0]
+    except FileNotFoundError:
+        raise ArtifactError(f"core {card.id} lacks its file {name}", remedy=RESTORE) from None
+    except OSError as error:
+        raise ArtifactError(f"core {card.id}: {name} cannot be read: {error.strerror}", remedy=RESTORE) from None
+    except FormatError as error:
+        raise ArtifactError(f"core {card.id}: {name}: {error}", remedy=RESTORE) from None

@@ -1,18 +1,19 @@
 """The card of a core: everything about it but its numbers, as JSON; read without torch.
 
-Fields are described in docs/card.md. `digest` is the hash of the card itself without that field.
+Fields are described in docs/card.md.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, TypedDict
+
+import msgspec
 
 from transferkit.errors import ArtifactError
+from transferkit.reading import Count, FormatError, parse, read_bytes, typed, unsealed
 from transferkit.spec import IOSpec
 
 RESTORE = "restore the folder from its source"
@@ -22,13 +23,18 @@ SCHEMA = 1
 
 CARD, WEIGHTS, PROBE, README = "card.json", "core.safetensors", "probe.safetensors", "README.md"
 
+LARGEST_CARD = 4 * 2**20
+"""Bytes."""
+
+Kind = Literal["policy", "critic", "dynamics", "normalizer"]
+Sha256 = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+
 
 @dataclass(frozen=True)
 class ComponentCard:
     """One network of the core, or the statistics of its source's observations."""
 
-    kind: str
-    """`policy`, `critic`, `dynamics` or `normalizer`."""
+    kind: Kind
     architecture: Mapping[str, Any]
     """Everything needed to rebuild it before its weights are loaded."""
     input_end: tuple[str, ...]
@@ -45,9 +51,9 @@ class Score:
     low: float
     high: float
     """95 % interval over members: Student's, or a bootstrap's in older cores."""
-    episodes: int
+    episodes: Count
     """Per member."""
-    seed: int
+    seed: Count
     """Seed of the evaluation."""
     members: tuple[float, ...]
     """Mean return of each."""
@@ -55,82 +61,70 @@ class Score:
     """Every member had to reach it."""
 
 
+class Training(TypedDict):
+    """What a member's training took."""
+
+    episodes: Count
+    steps: Count
+    seconds: float
+
+
 @dataclass(frozen=True)
 class Card:
     """See docs/card.md."""
 
-    id: str
+    id: Annotated[str, msgspec.Meta(pattern=r"^\w[\w.+-]{0,100}$")]
     description: str
     source: IOSpec
     components: Mapping[str, ComponentCard]
     """By name; under `parts` in the file."""
-    seeds: tuple[int, ...]
+    seeds: Annotated[tuple[Count, ...], msgspec.Meta(min_length=1, max_length=1000)]
     score: Score
-    spent: tuple[Mapping[str, float], ...]
-    """Per member episodes, steps and seconds of training."""
+    spent: tuple[Training, ...]
+    """Per member."""
     command: str
     """Reproduces the artifact."""
     config: Mapping[str, Any]
     """Full training configuration of the first member; the others differ in the seed."""
     versions: Mapping[str, str]
-    files: Mapping[str, str]
-    """sha256 of every other file of the artifact that is not generated from the card."""
+    files: Mapping[str, Sha256]
+    """sha256 of `core.safetensors` and of `probe.safetensors`; the README is generated from the card."""
     licence: str = "MIT"
     history: tuple[str, ...] = ()
-    schema: int = SCHEMA
+    schema: Annotated[int, msgspec.Meta(ge=1, le=SCHEMA)] = SCHEMA
+    digest: str = ""
+    """sha256 of all other fields as canonical JSON; empty until it is written."""
+
+    def __post_init__(self) -> None:
+        if not len(self.seeds) == len(self.score.members) == len(self.spent):
+            raise ValueError("seeds, scores and what was spent are of different numbers of members")
+        if any(name != component.kind for name, component in self.components.items()) or "policy" not in self.components:
+            raise ValueError("components must be a policy and others, each under the name of its kind")
 
     def to_json(self) -> dict[str, Any]:
-        """Return JSON-ready data with its digest."""
-        data = {**asdict(self), "source": self.source.to_json()}
-        data["parts"] = data.pop("components")
-        return {**data, "digest": digest(data)}
+        """Return JSON-ready data."""
+        data = asdict(self)
+        return {**data, "parts": data.pop("components")}
 
 
 def read_card(folder: Path) -> Card:
-    """Read and check `card.json`: schema version, digest, fields.
+    """Read and check `card.json`: digest, schema version, fields.
 
     Raises:
         ArtifactError: missing, damaged, tampered with, or from a newer schema.
     """
     path = folder / CARD
     try:
-        data = json.loads(path.read_text())
-        schema = int(data["schema"])
-    except OSError:
-        raise ArtifactError(f"{folder} is not a core: it has no {CARD}", topic="cores") from None
-    except (ValueError, KeyError, TypeError) as error:
+        data = parse(read_bytes(path, LARGEST_CARD, follow=False), dict[str, Any])
+        unsealed(data, required=True)
+        schema = data.get("schema")
+        if isinstance(schema, int) and schema > SCHEMA:
+            newer = f"core {folder.name} has card schema {schema}, this transferkit reads up to {SCHEMA}"
+            raise ArtifactError(newer, remedy="upgrade transferkit")
+        return typed({**data, "components": data.get("parts")}, Card)
+    except FileNotFoundError:
+        raise ArtifactError(f"{folder} holds no {CARD}", remedy="name a core's folder", topic="cores") from None
+    except OSError as error:
+        raise ArtifactError(f"{path} cannot be read: {error.strerror}") from None
+    except FormatError as error:
         raise ArtifactError(f"{path} is not a core's card ({error})", remedy=RESTORE) from None
-    if schema > SCHEMA:
-        raise ArtifactError(
-            f"core {folder.name} has card schema {schema}, this transferkit reads up to {SCHEMA}", remedy="upgrade transferkit"
-        )
-    if data.pop("digest", None) != digest(data):
-        raise ArtifactError(f"{path} was changed: its digest does not fit", remedy=RESTORE)
-    try:
-        return _from_json(data)
-    except (KeyError, TypeError) as error:
-        raise ArtifactError(f"{path} does not follow card schema {SCHEMA} ({error})", remedy=RESTORE) from None
-
-
-def digest(data: Mapping[str, Any]) -> str:
-    """Compute the sha256 of the canonical JSON of a card without its digest."""
-    return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
-
-
-def sha256(path: Path) -> str:
-    """Compute the sha256 of a file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _from_json(data: Mapping[str, Any]) -> Card:
-    fields = dict(data)
-    fields["source"] = IOSpec.from_json(data["source"])
-    fields["components"] = {
-        name: ComponentCard(**{**own, "input_end": tuple(own["input_end"]), "output_end": tuple(own["output_end"])})
-        for name, own in fields.pop("parts").items()
-    }
-    fields["score"] = Score(**{**data["score"], "members": tuple(data["score"]["members"])})
-    for name in ("seeds", "spent", "history"):
-        fields[name] = tuple(data[name])
-    return Card(**fields)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import core_zoo
-from transferkit.errors import UnknownNameError
+from transferkit.errors import ArtifactError, UnknownNameError
 from transferkit.zoo.card import CARD, read_card
 
 if TYPE_CHECKING:
@@ -20,6 +21,9 @@ ZOO_PATH = "TRANSFERKIT_ZOO"
 def zoo_folders() -> list[Path]:
     """Return the folders whose subfolders are cores."""
     own = [Path(entry) for entry in os.environ.get(ZOO_PATH, "").split(os.pathsep) if entry]
+    for folder in own:
+        if not folder.is_dir():
+            logging.getLogger("transferkit").warning("%s names %s, which is no folder", ZOO_PATH, folder)
     return [*own, Path(core_zoo.__path__[0])]
 
 
@@ -56,6 +60,12 @@ def find_card(name: str | Path) -> Card:
     return read_card(find_core(name))
 
 
-def list_cards() -> list[Card]:
-    """Read the card of every core."""
-    return [read_card(folder) for folder in core_folders().values()]
+def list_cards() -> tuple[list[Card], list[ArtifactError]]:
+    """Read the card of every core; returns those that can be read, and what is wrong with the others."""
+    cards, errors = [], []
+    for folder in core_folders().values():
+        try:
+            cards.append(read_card(folder))
+        except ArtifactError as error:
+            errors.append(error)
+    return cards, errors

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from transferkit.config import TrainConfig
+from transferkit.envs import id_from_file
 from transferkit.errors import ArtifactError
 from transferkit.evaluation import evaluate
 from transferkit.zoo.artifact import check_probe, load_core
@@ -17,8 +19,10 @@ ROLLOUT_TOLERANCE = 0.02
 """Relative; another processor can end a near-chaotic episode differently."""
 
 
-def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
+def verify(name: str | Path, *, rollout: bool = False, env: str | None = None) -> dict[str, Any]:
     """Check hashes, schema, shapes and probe outputs, and with `rollout` the score on the source task.
+
+    A source whose id imports a module must be named as `env`.
 
     Returns the core's id, the largest probe difference and, if rolled out, the mean return.
 
@@ -29,14 +33,14 @@ def verify(name: str | Path, *, rollout: bool = False) -> dict[str, Any]:
     core, card = load_core(folder), find_card(folder)
     report: dict[str, Any] = {"id": core.id, "probe": check_probe(core, folder)}
     if rollout:
-        clip = TrainConfig.from_json(card.config).env_config.clip_actions
+        source, rules = id_from_file(card.source.env_id, card.id, env), TrainConfig.from_json(card.config).env_config
         means = [
             evaluate(
                 core.policy(member),
-                card.source.env_id,
+                source,
                 episodes=card.score.episodes,
                 seed=card.score.seed,
-                clip_actions=clip,
+                **asdict(rules),
             ).mean
             for member in range(len(core.seeds))
         ]

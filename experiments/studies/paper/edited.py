@@ -13,6 +13,7 @@ import numpy as np
 from experiments.matrix.cell_folder import CELLS
 from experiments.matrix.run_table import columns
 from experiments.matrix.table import read_rows, write_csv
+from transferkit.run import EpisodeRow
 
 FOLDER = Path(__file__).parent
 LAST, EDITED = 50, -10.0
@@ -27,7 +28,7 @@ def main(results: Path) -> None:
 
 def edited(run: Path) -> float:
     """The edited mean of one run."""
-    returns = columns(run, "episodes")["return"][-LAST:]
+    returns = columns(run, EpisodeRow)["return"][-LAST:]
     return round(float(np.mean(np.where(returns <= 0, EDITED, returns))), 3)
 
 

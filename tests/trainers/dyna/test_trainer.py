@@ -27,7 +27,7 @@ SMALL = with_settings(TrainConfig(IDP, algo="dyna-ddpg", steps=400, eval_episode
 def test_the_paper_preset_runs_past_the_end_of_its_first_episode(tmp_path):
     config = TrainConfig(IDP, algo="dyna-ddpg", preset="paper", episodes=3, eval_episodes=1)
     run_training(with_settings(config, {"network.hidden": [16, 16], "model.hidden": [16, 16]}), out=tmp_path / "run")
-    lengths = [row["length"] for row in read_table(tmp_path / "run", EpisodeRow)]
+    lengths = read_table(tmp_path / "run", EpisodeRow)["length"].tolist()
     assert lengths[0] >= 128
     assert max(lengths[1:]) < 128
 

@@ -189,7 +189,7 @@ class Agent:
         self.buffer.restore(state["buffer"])
         self._warming_up = state["warming_up"]
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
-        self.losses = dict(state["losses"])
+        self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
 
     def _fit(self) -> None:
         loss = fit(self.model, self.model_optimizer, self.buffer, self.model_config, self.imagination)

@@ -99,8 +99,10 @@ class ReplayBuffer:
 
     def restore(self, state: dict[str, Any]) -> None:
         """Take what `state` returned."""
-        self.added = state["added"]
         n, allocated = len(state["rows"]), len(self._rows)
+        if n != min(state["added"], self.capacity):
+            raise ValueError(f"{n} rows of {state['added']} that were added, and room for {self.capacity}")
+        self.added = state["added"]
         while allocated < n:
             allocated = min(2 * allocated, self.capacity)
         rows = self._rows.new_zeros(allocated, self._rows.shape[1])

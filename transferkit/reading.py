@@ -1,0 +1,131 @@
+"""Reading what others wrote: regular files of a bounded size, and JSON in which every value has its declared type.
+
+A reader of a format describes it as dataclasses; `parse` and `typed` (msgspec) compare every value with its annotation. NaN,
+infinity and lone surrogates are no JSON; nothing in a file is run.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+import os
+import stat
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+
+T = TypeVar("T")
+
+DEEPEST = 50
+"""Levels of lists and objects in each other."""
+
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
+"""A whole number that is not negative."""
+Size = Annotated[int, msgspec.Meta(ge=1, le=65_536)]
+"""A dimension of an array."""
+Layers = Annotated[tuple[Size, ...], msgspec.Meta(min_length=1, max_length=64)]
+"""Widths of layers."""
+
+
+class FormatError(ValueError):
+    """What is wrong with the content of a file, in one line without the file's name."""
+
+
+def read_bytes(path: Path, most: int, *, follow: bool = True) -> bytes:
+    """Read a regular file of at most so many bytes, where `follow` allows a link to it.
+
+    Raises:
+        FormatError: it is a device, a pipe or a folder, or is larger.
+        OSError: it cannot be opened.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | (0 if follow else os.O_NOFOLLOW))
+    with open(descriptor, "rb") as file:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            raise FormatError("it is not a regular file")
+        if status.st_size > most:
+            raise FormatError(f"it has {status.st_size:,} bytes, at most {most:,} are read")
+        return file.read(most)
+
+
+def parse(data: bytes | str, kind: type[T]) -> T:
+    """Read JSON as a value of this type.
+
+    Raises:
+        FormatError: it is not JSON, or a value in it has another type.
+    """
+    try:
+        value = msgspec.json.decode(data)
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise FormatError(f"not JSON: {error}") from None
+    except RecursionError:
+        raise FormatError("its values are nested too deeply") from None
+    if _deeper(value, DEEPEST):
+        raise FormatError("its values are nested too deeply")
+    return typed(value, kind)
+
+
+def parse_toml(data: bytes, kind: type[T]) -> T:
+    """Read TOML as a value of this type, which has a field for every key.
+
+    Raises:
+        FormatError: it is not TOML, a key is unknown, or a value has another type.
+    """
+    try:
+        value = tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise FormatError(f"not TOML: {str(error) or 'nested too deeply'}") from None
+    if _deeper(value, DEEPEST):
+        raise FormatError("its values are nested too deeply")
+    if dataclasses.is_dataclass(kind):
+        known = [field.name for field in dataclasses.fields(kind)]
+        if strangers := sorted(value.keys() - set(known)):
+            raise FormatError(f"unknown {strangers[0]}; known are {', '.join(known)}")
+    return typed(value, kind)
+
+
+def typed(value: object, kind: type[T]) -> T:
+    """Take JSON-ready data as a value of this type.
+
+    Raises:
+        FormatError: something in it has another type, or is missing.
+    """
+    try:
+        return msgspec.convert(value, kind)
+    except (msgspec.MsgspecError, ValueError, OverflowError) as error:
+        raise FormatError(f"{error}") from None
+
+
+def digest(data: Mapping[str, Any]) -> str:
+    """Compute the sha256 of the canonical JSON of these values."""
+    return hashlib.sha256(json.dumps(data, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+def sealed(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Add a `digest` of all other values, in place of an earlier one."""
+    content = {name: value for name, value in data.items() if name != "digest"}
+    return {**content, "digest": digest(json.loads(json.dumps(content, allow_nan=False)))}
+
+
+def unsealed(data: Mapping[str, Any], *, required: bool = False) -> dict[str, Any]:
+    """Check the `digest` and leave it out; what earlier versions wrote has none, unless it is `required`.
+
+    Raises:
+        FormatError: the data is not what it was when it was sealed.
+    """
+    content = {name: value for name, value in data.items() if name != "digest"}
+    if (required or "digest" in data) and data.get("digest") != digest(content):
+        raise FormatError("it was changed: its digest does not fit")
+    return content
+
+
+def _deeper(value: object, most: int) -> bool:
+    level = [value]
+    for _ in range(most):
+        inner = [node.values() if isinstance(node, dict) else node for node in level if isinstance(node, dict | list)]
+        level = [child for children in inner for child in children]
+    return bool(level)
