@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.physics import mujoco
 from transferkit.spec import Actuator, Joint
 
 _, BALL, SLIDE, HINGE = range(4)  # of `mujoco.mjtJoint`
