@@ -23,6 +23,8 @@ PACKAGES = (
     "safetensors",
 )
 
+NOT_INSTALLED = "not installed"
+
 
 def versions() -> dict[str, str]:
     """Look up the installed version of every package that can change a number, and of Python."""
@@ -56,4 +58,4 @@ def _version(name: str) -> str:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return "not installed"
+        return NOT_INSTALLED
