@@ -56,6 +56,6 @@ def _git(root: Path, *args: str) -> str:
 @functools.cache
 def _version(name: str) -> str:
     try:
-        return metadata.version(name)
+        return metadata.version(name) or NOT_INSTALLED  # None of what is half removed
     except metadata.PackageNotFoundError:
         return NOT_INSTALLED
