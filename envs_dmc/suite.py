@@ -8,15 +8,15 @@ load, and `quadruped-escape`, which asks for an OpenGL context at every reset.
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")  # GLFW without a display; rendering has its own error when it is asked for
+from envs_dmc.opengl import no_opengl, open_renderer
+
+with no_opengl():
     from dm_control import suite
     from shimmy.dm_control_compatibility import DmControlCompatibilityV0
 
@@ -59,6 +59,8 @@ class SuiteTask(gymnasium.Env):
         native = suite.load(domain, task, task_kwargs={"random": MODEL_SEED})
         if render_mode is None:
             without_rendering(native.physics)
+        else:
+            open_renderer()
         self.shimmy = DmControlCompatibilityV0(native, render_mode=render_mode)
         self.render_mode = render_mode
         self.dm_env = self.shimmy._env  # noqa: SLF001 - the wrapper offers no accessor

@@ -23,6 +23,8 @@ PACKAGES = (
     "safetensors",
 )
 
+NOT_INSTALLED = "not installed"
+
 
 def versions() -> dict[str, str]:
     """Look up the installed version of every package that can change a number, and of Python."""
@@ -54,6 +56,6 @@ def _git(root: Path, *args: str) -> str:
 @functools.cache
 def _version(name: str) -> str:
     try:
-        return metadata.version(name)
+        return metadata.version(name) or NOT_INSTALLED  # None of what is half removed
     except metadata.PackageNotFoundError:
-        return "not installed"
+        return NOT_INSTALLED

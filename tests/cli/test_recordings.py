@@ -3,8 +3,20 @@
 import pytest
 
 from tests.cli.commands import refusal, run, run_json
+from tests.test_physics import CARTPOLE, run_headless
+from transferkit import load_subject, record_episodes
+from transferkit.renderer import _renders
 
 CORE = "inverted-pendulum-v1"
+
+
+@pytest.fixture
+def short_recording(monkeypatch, tmp_path):
+    """A recording of nine steps."""
+    monkeypatch.setattr("envs_dmc.suite.EPISODE_LIMIT", 9)
+    monkeypatch.setattr("transferkit.envs.probe._DERIVED", {})
+    record_episodes(load_subject(CORE, env=CARTPOLE), tmp_path / "x.mcap")
+    return tmp_path / "x.mcap"
 
 
 def test_a_recording_is_made_checked_drawn_mended_and_learnt_from(capsys, tmp_path):
@@ -30,6 +42,23 @@ def test_a_core_becomes_a_file_and_a_dataset(capsys, tmp_path, monkeypatch):
     recorded = run_json(capsys, "record", CORE, "--env", "Hopper-v5", "--out", tmp_path / "x.mcap")
     found = run_json(capsys, "export", tmp_path / "x.mcap", "--minari", "hopper/mine-v0")
     assert found == {"dataset": "hopper/mine-v0", "steps": recorded["episodes"][0]["steps"]}
+
+
+def test_a_video_is_made_whatever_mujoco_gl_says(short_recording, tmp_path):
+    done = run_headless(tmp_path, "-m", "transferkit", "replay", short_recording, "--video", "x.mp4", MUJOCO_GL="nonsense")
+    if done.returncode == 0:
+        assert (tmp_path / "x.mp4").stat().st_size > 1000
+        assert done.stderr == ""
+    else:  # a machine without a driver
+        assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+
+
+def test_a_video_that_cannot_be_made(capsys, monkeypatch):
+    monkeypatch.setattr("transferkit.renderer._renders", _renders.__wrapped__)  # whatever an earlier test has found
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("PYOPENGL_PLATFORM", "nonsense")  # neither EGL nor OSMesa
+    said = refusal(capsys, "replay", "x.mcap", "--video", "x.mp4")
+    assert "nothing can be rendered here; install a GL driver (Debian: libegl1); `transferkit doctor` checks" in said
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,9 @@ from typing import get_args
 import gymnasium
 import numpy as np
 import pytest
-from dm_control import suite
 
 import envs_dmc
-from envs_dmc.suite import MODEL_SEED, without_rendering
+from envs_dmc.suite import MODEL_SEED, suite, without_rendering
 from transferkit.envs import VectorEnv, derive_spec, environment_ids, episode_limit, make_env, time_step
 from transferkit.reading import parse
 from transferkit.spec import IOSpec, Quantity

@@ -1,3 +1,4 @@
+import hashlib
 import json
 import shutil
 
@@ -9,8 +10,9 @@ import torch
 from transferkit import load_core
 from transferkit.envs import make_env
 from transferkit.errors import ArtifactError, ConfigError, UnknownNameError
+from transferkit.reading import digest
 from transferkit.zoo.artifact import save_core
-from transferkit.zoo.card import digest, read_card, sha256
+from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import core_folders
 from transferkit.zoo.readme import render
 from transferkit.zoo.verify import verify
@@ -110,7 +112,12 @@ def test_weights_that_do_not_fit_the_card(copy):
 def test_other_outputs_than_released_are_noticed(copy):
     stored = safetensors.torch.load_file(copy / "probe.safetensors")
     safetensors.torch.save_file({**stored, "mean": stored["mean"] + 1e-3}, copy / "probe.safetensors")
-    edit(copy, lambda data: data["files"].update({"probe.safetensors": sha256(copy / "probe.safetensors")}))
+    edit(
+        copy,
+        lambda data: data["files"].update(
+            {"probe.safetensors": hashlib.sha256((copy / "probe.safetensors").read_bytes()).hexdigest()}
+        ),
+    )
     with pytest.raises(ArtifactError, match="other outputs"):
         verify(copy)
 

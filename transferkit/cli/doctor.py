@@ -1,24 +1,44 @@
-"""`transferkit doctor`."""
+"""`transferkit doctor`, which works when nothing else does: what may crash runs in a process of its own."""
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
-import subprocess
-import sys
 from collections.abc import Sequence
+from importlib import util
 from pathlib import Path
 from typing import Any
 
+from transferkit.attempt import attempt
 from transferkit.cli.answer import Answer, parser
+from transferkit.renderer import find_renderer
 from transferkit.table import format_table
-from transferkit.versions import git_state, versions
+from transferkit.versions import NOT_INSTALLED, git_state, versions
 
-RENDER = (
-    "import mujoco; m = mujoco.MjModel.from_xml_string('<mujoco><worldbody><geom size=\".1\"/></worldbody></mujoco>');"
-    "d = mujoco.MjData(m); mujoco.mj_forward(m, d); r = mujoco.Renderer(m, 16, 16); r.update_scene(d); r.render()"
-)
-GL_TIMEOUT = 60
+MODULES = {
+    "numpy": "numpy",
+    "scipy": "scipy",
+    "safetensors": "safetensors",
+    "torch": "torch",
+    "mujoco": "mujoco",
+    "gymnasium": "gymnasium",
+    "dm_control.suite": "dm-control",
+    "shimmy.dm_control_compatibility": "shimmy",
+    "rsl_rl.algorithms": "rsl-rl-lib",
+}
+"""What is imported, each after what it imports itself, and the package that it belongs to."""
+
+IMPORT = """
+import importlib, sys
+for name in sys.argv[1:]:
+    print(name, flush=True)
+    importlib.import_module(name)
+print("torch", flush=True)
+import torch
+print(torch.version.cuda if torch.cuda.is_available() else "none; --device cpu")
+"""
+IMPORT_SECONDS = 300.0  # from a cold disk, on a busy machine
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -37,51 +57,52 @@ def main(arguments: Sequence[str]) -> Answer:
 
 def examine() -> dict[str, Any]:
     """Report versions, rendering, devices, git, and what is wrong with them."""
-    import torch  # noqa: PLC0415 - takes seconds to import
-
+    installed = versions()
+    problems = known_problems(installed, _mujoco_libraries())
+    cuda, failure = attempt(IMPORT, *MODULES, seconds=IMPORT_SECONDS)
+    if failure:
+        package, cuda = MODULES.get(cuda, cuda), "unknown"
+        if installed.get(package) != NOT_INSTALLED:
+            problems.append(f"{package} cannot be imported ({failure}): pip install --force-reinstall {package}")
     return {
-        "versions": versions(),
+        "versions": installed,
         "rendering": _rendering(),
-        "cuda": torch.version.cuda if torch.cuda.is_available() else "none; --device cpu",
+        "cuda": cuda,
         "cores": f"{os.cpu_count()}, of which a training run uses one (one torch thread a process)",
         "git": git_state() or ("not a checkout" if shutil.which("git") else "no git binary; runs record no commit"),
-        "problems": known_problems(versions(), _mujoco_libraries()),
+        "problems": problems,
     }
 
 
 def known_problems(installed: dict[str, str], libraries: Sequence[str]) -> list[str]:
     """Find version pairs that are known to fail, each with its fix."""
     problems = []
-    mujoco = tuple(int(part) for part in installed["mujoco"].split(".")[:2] if part.isdigit())
+    mujoco, rsl_rl = _numbers(installed["mujoco"]), _numbers(installed["rsl-rl-lib"])
     if mujoco and not (3, 17) <= mujoco < (4, 0):
         problems.append(
             f"mujoco {installed['mujoco']} does not work with dm-control: pip install 'mujoco>=3.17,<4' in a new venv"
         )
     if len(libraries) > 1:
         problems.append(f"two libraries of mujoco are installed ({', '.join(libraries)}): make a new virtual environment")
-    rsl_rl = installed["rsl-rl-lib"].split(".")
-    if rsl_rl[0].isdigit() and (int(rsl_rl[0]), int(rsl_rl[1])) < (5, 5):
+    if rsl_rl and rsl_rl < (5, 5):
         problems.append(f"rsl-rl-lib {installed['rsl-rl-lib']} is too old: pip install 'rsl-rl-lib>=5.5,<6'")
-    problems += [f"{name} is missing: pip install {name}" for name, version in installed.items() if version == "not installed"]
+    problems += [f"{name} is missing: pip install {name}" for name, version in installed.items() if version == NOT_INSTALLED]
     return problems
 
 
-def _mujoco_libraries() -> list[str]:
-    import mujoco  # noqa: PLC0415
+def _numbers(version: str) -> tuple[int, ...]:
+    """Read a version's first two numbers; none of a package that is not installed."""
+    return tuple(int(number) for number in re.findall(r"\d+", version)[:2])
 
-    return sorted(path.name for path in Path(mujoco.__file__).parent.glob("libmujoco.so.*"))
+
+def _mujoco_libraries() -> list[str]:
+    spec = util.find_spec("mujoco")
+    folders = (spec and spec.submodule_search_locations) or ()
+    return sorted(path.name for folder in folders for path in Path(folder).glob("libmujoco.so.*"))
 
 
 def _rendering() -> str:
-    """Try each backend in a process of its own: it is chosen before mujoco is imported, and a bad one can abort."""
-    for backend in dict.fromkeys((os.environ.get("MUJOCO_GL", "egl"), "egl", "osmesa")):
-        environment = {**os.environ, "MUJOCO_GL": backend}
-        try:
-            probe = subprocess.run(
-                [sys.executable, "-c", RENDER], env=environment, capture_output=True, timeout=GL_TIMEOUT, check=False
-            )
-        except subprocess.TimeoutExpired:
-            continue
-        if probe.returncode == 0:
-            return f"works with MUJOCO_GL={backend}"
+    renderer = find_renderer()
+    if renderer is not None:
+        return f"works with MUJOCO_GL={renderer}"
     return "none (training needs none); for pictures: apt-get install libegl1, then MUJOCO_GL=egl"

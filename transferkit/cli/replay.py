@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from transferkit.cli.answer import Answer, parser
 from transferkit.errors import ConfigError
 from transferkit.files import check_new
+from transferkit.renderer import choose_renderer
 
 if TYPE_CHECKING:
     from transferkit.record.replay import Replayed
@@ -41,10 +42,7 @@ def _with_video(file: Path, out: Path, env: str | None) -> Replayed:
     check_new(out, "video")
     if out.suffix != ".mp4":
         raise ConfigError(f"ending of {out}", value=out.suffix, allowed=".mp4")
-    from transferkit.cli.renderer import check_renderer, choose_renderer  # noqa: PLC0415 - before mujoco is imported
-
-    choose_renderer()
-    check_renderer()
+    choose_renderer()  # before mujoco is imported: PyOpenGL stays with what it was first loaded for
     from transferkit.record.reader import read, spec_of  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.replay import replay_recording  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.video import video  # noqa: PLC0415

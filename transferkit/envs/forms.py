@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from transferkit.spec import Element
 
 if TYPE_CHECKING:
     from transferkit.envs.evidence import Evidence, Samples
+    from transferkit.physics import mujoco
     from transferkit.spec import Joint, Quantity
 
 TOLERANCE = 2e-5

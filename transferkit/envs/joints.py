@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.physics import mujoco
 from transferkit.spec import Actuator, Joint
 
 if TYPE_CHECKING:

@@ -14,15 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError, UnknownNameError
-
-# MuJoCo's own handler prints to stdout and leaves a MUJOCO_LOG.TXT in the working directory.
-mujoco.set_mju_user_warning(logging.getLogger("mujoco").info)
+from transferkit.renderer import choose_renderer
 
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 
@@ -60,8 +57,10 @@ def make_env(
 
     Raises:
         UnknownNameError: no environment has this id.
-        EnvironmentContractError: a discrete, image or nested space, or unbounded actions.
+        EnvironmentContractError: a discrete, image or nested space, unbounded actions, or nothing can be rendered here.
     """
+    if render_mode is not None:
+        choose_renderer()
     raw = _from_id(env, render_mode) if isinstance(env, str) else env
     if isinstance(raw, Contract):
         if (clip_actions or not raw.clip) and max_episode_steps is None:

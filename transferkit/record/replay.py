@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs import Simulation, dims, id_from_file, make_env, open_simulation
 from transferkit.errors import RecordingError
+from transferkit.physics import mujoco
 from transferkit.record.format import Names
 from transferkit.record.reader import about_of, read, spec_of
 from transferkit.record.state import FULL_STATE, integration_state, state_size

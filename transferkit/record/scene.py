@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import mujoco
 import numpy as np
 from foxglove.messages import (
     Color,
@@ -26,6 +25,7 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
+from transferkit.physics import mujoco
 from transferkit.record.state import FULL_STATE
 
 WORLD = "world"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
     from transferkit.envs import Simulation

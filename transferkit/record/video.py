@@ -19,10 +19,7 @@ FPS = 30.0
 
 @contextmanager
 def video(path: Path, time_step: float) -> Iterator[OnFrame]:
-    """Make a function that adds a frame of an environment in render mode `rgb_array`, at most `FPS` a simulated second.
-
-    The renderer has to be chosen before mujoco is imported (`transferkit.cli.renderer`).
-    """
+    """Make a function that adds a frame of an environment in render mode `rgb_array`, at most `FPS` a simulated second."""
     every = max(1, round(1 / (FPS * time_step))) if time_step else 1
     fps: Any = 1 / (every * time_step) if time_step else FPS  # a float will do
     writer, steps = None, 0

@@ -46,6 +46,7 @@ def load_core(name: str | Path) -> Core:
     folder = find_core(name)
     card = read_card(folder)
     check_files(card)
+    _read_bytes(folder, PROBE, card)
     components: dict[str, dict[str, Tensor]] = {}
     for key, tensor in _read(folder, WEIGHTS, card).items():
         component, _, parameter = key.partition("/")
@@ -185,15 +186,22 @@ def _outputs(core: Core, member: int, observation: Tensor) -> dict[str, Tensor]:
 
 
 def _read(folder: Path, name: str, card: Card) -> dict[str, Tensor]:
-    """Read a file of tensors after its hash."""
+    try:
+        return parse_tensors(_read_bytes(folder, name, card))[0]
+    except FormatError as error:
+        raise ArtifactError(f"core {card.id}: {name}: {error}", remedy=RESTORE) from None
+
+
+def _read_bytes(folder: Path, name: str, card: Card) -> bytes:
+    """Read a file after its size, and check its hash."""
     try:
         data = read_bytes(folder / name, LARGEST, follow=False)
-        if hashlib.sha256(data).hexdigest() != card.files[name]:
-            raise ArtifactError(f"core {card.id}: {name} is truncated or was changed", remedy=RESTORE)
-        return parse_tensors(data)[0]
     except FileNotFoundError:
         raise ArtifactError(f"core {card.id} lacks its file {name}", remedy=RESTORE) from None
     except OSError as error:
         raise ArtifactError(f"core {card.id}: {name} cannot be read: {error.strerror}", remedy=RESTORE) from None
     except FormatError as error:
         raise ArtifactError(f"core {card.id}: {name}: {error}", remedy=RESTORE) from None
+    if hashlib.sha256(data).hexdigest() != card.files[name]:
+        raise ArtifactError(f"core {card.id}: {name} is truncated or was changed", remedy=RESTORE)
+    return data

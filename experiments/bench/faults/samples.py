@@ -93,7 +93,17 @@ SETTINGS = {
 }
 """The smallest runs."""
 
-IDS = (ENV, "dm_control/cartpole-balance-v0", "os:Hopper-v5", "a:b:c", ":X", "..:X", "Hopper-v4", "dm_control/x-y-v0", "Ant-v5 ")
+IDS = (
+    ENV,
+    "dm_control/cartpole-balance-v0",
+    "os:Hopper-v5",
+    "a:b:c",
+    ":X",
+    "..:X",
+    "Hopper-v4",
+    "dm_control/x-y-v0",
+    "Ant-v5 ",
+)
 
 
 def formats(scratch: Path) -> list[Format]:
@@ -250,7 +260,9 @@ def _same_end(found: Result, whole: Result) -> bool:
 
 
 def _cells(out: Path) -> Format:
-    cell = Cell("scratch", "", "small", with_settings(TrainConfig(ENV, steps=64, eval_episodes=1, eval_every=32), SETTINGS["ppo"]))
+    cell = Cell(
+        "scratch", "", "small", with_settings(TrainConfig(ENV, steps=64, eval_episodes=1, eval_every=32), SETTINGS["ppo"])
+    )
     run_cell(cell, out, "a test")
     return Format("cells", 0.08, out, _change_cell, _collect)
 
