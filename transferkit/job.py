@@ -16,6 +16,7 @@ from transferkit.config import TrainConfig, identity, migrated_blueprint
 from transferkit.envs import VectorEnv, derive_spec, dims, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
+from transferkit.files import damaged_run
 from transferkit.policy.saved import as_saved, state_of
 from transferkit.record.experience import load_experience
 from transferkit.record.play import Subject, record_evaluation
@@ -96,7 +97,8 @@ class Job:
             return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
         recorded = read_record(self.out)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
-        before["policy"] = migrated_blueprint(read_beside(recorded).policy)
+        with damaged_run(self.out / RECORD):
+            before["policy"] = migrated_blueprint(read_beside(recorded).policy)
         check_same(self.out, before, identity(self.config) | made_of)
         return RunDirectory.resume(self.out)
 

@@ -49,7 +49,7 @@ def read_bytes(path: Path, most: int, *, follow: bool = True) -> bytes:
             raise FormatError("it is not a regular file")
         if status.st_size > most:
             raise FormatError(f"it has {status.st_size:,} bytes, at most {most:,} are read")
-        return file.read(most)
+        return file.read(status.st_size)
 
 
 def parse(data: bytes | str, kind: type[T]) -> T:

@@ -13,10 +13,12 @@ from transferkit.config import TrainConfig
 from transferkit.envs import id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import evaluate
+from transferkit.files import damaged_run
 from transferkit.nn import Critic, Ensemble, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
 from transferkit.policy.saved import load_policy, load_saved
+from transferkit.reading import FormatError
 from transferkit.record.play import Subject
 from transferkit.run import POLICY, RECORD, read_beside, read_record
 from transferkit.streams import Streams
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation
     from transferkit.nn import Value
     from transferkit.policy.base import Policy
+    from transferkit.policy.saved import Beside
 
 
 def load_subject(name: str, *, env: str | None = None, member: int | None = None, values: bool = True) -> Subject:
@@ -92,20 +95,26 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
     """
     saved, record = load_saved(run_dir).parts, read_record(Path(run_dir))
     config = TrainConfig.from_json(record)
-    if "value" in saved:
-        critic = StateCritic(policy.obs_dim, config.network.hidden, config.network.activation, normalizer=policy.normalizer)
-        critic.load_state_dict(saved["value"].weights)
-        return lambda observation, _: critic.value(observation).squeeze(-1)
-    if "critic" not in saved:
-        return None
-    if architecture := saved["critic"].architecture:
-        critics = Critic(JointInput(policy.normalizer), Ensemble(architecture))
-    elif config.core is None:
-        return None
-    else:
-        critics = _wrapped_critic(config, read_beside(record).core_digest, policy, run_dir)
-    critics.load_state_dict(saved["critic"].weights)
-    return critics.value
+    with damaged_run(Path(run_dir) / POLICY):
+        if "value" in saved:
+            critic = StateCritic(policy.obs_dim, config.network.hidden, config.network.activation, normalizer=policy.normalizer)
+            critic.load_state_dict(saved["value"].weights)
+            return lambda observation, _: critic.value(observation).squeeze(-1)
+        if "critic" not in saved:
+            return None
+        critics = _critics(config, saved["critic"], read_beside(record).core_digest, policy, run_dir)
+        if critics is not None:
+            critics.load_state_dict(saved["critic"].weights)
+    return None if critics is None else critics.value
+
+
+def _critics(config: TrainConfig, saved: Beside, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic | None:
+    """Build the critics of a policy, or of the core that its run was trained around, with other weights."""
+    if architecture := saved.architecture:
+        if architecture.weights > sum(tensor.numel() for tensor in saved.weights.values()):
+            raise FormatError("its critics have fewer numbers than their architecture")
+        return Critic(JointInput(policy.normalizer), Ensemble(architecture))
+    return None if config.core is None else _wrapped_critic(config, digest, policy, run_dir)
 
 
 def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -11,9 +10,13 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from experiments.matrix.grid import Grid, GridError, Trainer, add, at, check_names
 from experiments.matrix.table import ambiguity
 from transferkit.errors import ConfigError
+from transferkit.reading import FormatError, parse_toml, read_bytes
 
 if TYPE_CHECKING:
     from experiments.matrix.cell import Cell
+
+LARGEST = 2**20
+"""Bytes of a grid."""
 
 MOST = 10_000
 """Seeds, or members, of a grid."""
@@ -30,11 +33,11 @@ def load_cells(path: Path) -> list[Cell]:
         ConfigError: there is no such file, it is not TOML, or a key or its value cannot be used.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        data = parse_toml(read_bytes(path, LARGEST), dict[str, Any])
     except OSError as error:
         raise ConfigError(f"{path} cannot be read ({error.strerror}); grids lie in experiments/studies") from None
-    except ValueError as error:
-        raise ConfigError(f"{path} is not TOML: {error}") from None
+    except FormatError as error:
+        raise ConfigError(f"{path}: {error}") from None
     parts, cells = data.pop("part", [{}]), {}
     if not parts or not _is_list(parts, dict):
         raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")

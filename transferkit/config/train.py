@@ -109,7 +109,7 @@ class TrainConfig:
             plain = {f.name: data[f.name] for f in fields(cls) if f.name in data}
             plain["preset"] = closest_preset(data["algo"], data["preset"], sections)
             return cls(**_tuples(plain | sections))
-        except (KeyError, TypeError, AttributeError) as error:
+        except (LookupError, TypeError, AttributeError, ValueError) as error:
             raise ConfigError(f"the record does not hold a configuration of this version ({error})") from None
 
 

@@ -146,10 +146,11 @@ def check_probe(core: Core, folder: Path) -> float:
     check_files(card)
     stored, members = _read(folder, PROBE, card), len(core.seeds)
     observation = stored.get("input", torch.empty(0))
-    if observation.shape != (PROBE_INPUTS, core.spec.obs_dim):
+    if observation.shape != (PROBE_INPUTS, core.spec.obs_dim) or observation.dtype != torch.float32:
         raise ArtifactError(f"core {core.id}: {PROBE} has no inputs of its source", remedy=RESTORE)
     outputs = [_outputs(core, member, observation) for member in range(members)]
-    if any(name not in stored or stored[name].shape != (members, *output.shape) for name, output in outputs[0].items()):
+    fits = {name: name in stored and stored[name].shape == (members, *output.shape) for name, output in outputs[0].items()}
+    if not all(fits.values()):
         raise ArtifactError(f"core {core.id}: {PROBE} has other outputs than its components", remedy=RESTORE)
     differences = [(own[name] - stored[name][k]).abs().max() for k, own in enumerate(outputs) for name in own]
     worst = float(torch.stack(differences).max())  # NaN if one is
@@ -187,7 +188,10 @@ def _outputs(core: Core, member: int, observation: Tensor) -> dict[str, Tensor]:
 
 def _read(folder: Path, name: str, card: Card) -> dict[str, Tensor]:
     try:
-        return parse_tensors(_read_bytes(folder, name, card))[0]
+        tensors, _ = parse_tensors(_read_bytes(folder, name, card))
+        if strange := [key for key, tensor in tensors.items() if not tensor.is_floating_point()]:
+            raise FormatError(f"{strange[0]} has whole numbers")
+        return tensors
     except FormatError as error:
         raise ArtifactError(f"core {card.id}: {name}: {error}", remedy=RESTORE) from None
 

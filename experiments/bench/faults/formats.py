@@ -45,6 +45,11 @@ class Format:
     same: Callable[[Any, Any], bool] = lambda found, whole: found == whole
     """Whether what is read of a damaged file is what was written, or is known to be a part of it."""
 
+    def read_whole(self, work: Path) -> object:
+        """What is read of the sample."""
+        shutil.copytree(self.folder, work)
+        return self.use(work, np.random.default_rng(0))
+
     def trial(self, work: Path, whole: object, random: Random) -> str:
         """Change a copy, read it, and say what came of it.
 

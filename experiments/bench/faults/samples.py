@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import signal
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -18,7 +19,6 @@ from mcap.writer import CompressionType, Writer
 from experiments.bench.faults import mutate
 from experiments.bench.faults.formats import (
     Format,
-    Random,
     damage,
     forge_header,
     forge_json,
@@ -42,7 +42,7 @@ from transferkit.reading import sealed
 from transferkit.record.format import ABOUT, EPISODE, STEP, as_metadata, from_metadata
 from transferkit.record.mapping import load_mapping, read_mapped
 from transferkit.record.play import record_episodes
-from transferkit.record.reader import Transitions, read, read_transitions
+from transferkit.record.reader import read, read_transitions
 from transferkit.record.replay import replay_recording
 from transferkit.run import CHECKPOINT, POLICY, RECORD, RESULT, EpisodeRow, EvaluationRow, Result, read_record, read_table
 from transferkit.subject import load_subject, load_value
@@ -51,6 +51,13 @@ from transferkit.zoo.artifact import check_probe, load_core
 from transferkit.zoo.card import CARD, PROBE, WEIGHTS, read_card
 from transferkit.zoo.catalog import ZOO_PATH, find_core, list_cards
 from transferkit.zoo.readme import render
+
+if TYPE_CHECKING:
+    from experiments.bench.faults.formats import (
+        Random,
+    )
+    from transferkit.config import Algorithm
+    from transferkit.record.reader import Transitions
 
 CORE, ENV = "inverted-pendulum-v1", "InvertedPendulum-v5"
 
@@ -86,10 +93,17 @@ topic = "/reward"
 field = "done"
 """
 
-SETTINGS = {
+SETTINGS: dict[Algorithm, dict[str, Any]] = {
     "ppo": {"ppo.epochs": 1, "ppo.rollout": "steps", "ppo.rollout_steps": 16, "network.hidden": [8]},
     "dyna-ddpg": {"network.hidden": [8], "model.hidden": [8], "model.members": 2, "dyna.updates_per_step": 1},
-    "dyna-ppo": {"network.hidden": [8], "model.hidden": [8], "model.members": 2, "model.updates": 2, "dyna_ppo.rollouts": 4},
+    "dyna-ppo": {
+        "network.hidden": [8],
+        "model.hidden": [8],
+        "model.members": 2,
+        "model.every": 50,
+        "model.updates": 2,
+        "dyna_ppo.rollouts": 4,
+    },
 }
 """The smallest runs."""
 
@@ -183,7 +197,7 @@ def _same_core(found: Any, whole: Any) -> bool:  # noqa: ANN401 - cores
 def _runs(scratch: Path) -> list[Format]:
     found = []
     for algo, settings in SETTINGS.items():
-        config = TrainConfig(ENV, algo=algo, steps=64, eval_episodes=1, eval_every=32, checkpoint_seconds=0.0)
+        config = TrainConfig(ENV, algo=algo, steps=200, eval_episodes=1, eval_every=100)
         config = with_settings(config, settings)
         run_training(config, out=scratch / algo)
         _stop(config, scratch / f"{algo}-stopped")
@@ -196,18 +210,9 @@ def _runs(scratch: Path) -> list[Format]:
 
 
 def _stop(config: TrainConfig, out: Path) -> None:
-    """Leave a run stopped half way."""
-
-    def stop(spent: Any, _: object) -> None:  # noqa: ANN401 - what is spent
-        if spent.steps >= 32:
-            raise InterruptedRunError("half way")
-
-    def late(spent: Any, metrics: object) -> None:  # noqa: ANN401 - what is spent
-        if (out / CHECKPOINT).exists():
-            stop(spent, metrics)
-
+    """Leave a run stopped half way, as by Ctrl-C."""
     with contextlib.suppress(InterruptedRunError):
-        run_training(config, out=out, report=late)
+        run_training(config, out=out, report=lambda *_: signal.raise_signal(signal.SIGINT))
     assert (out / CHECKPOINT).exists()
 
 
@@ -343,7 +348,7 @@ def _rewrite(path: Path, random: Random) -> bool:
         forged = mutate.in_json(content, random)
         metadata = [(own, forged if own == name else other) for own, other in metadata]
     with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType(int(random.integers(3))), chunk_size=20_000)
+        writer = Writer(file, compression=[*CompressionType][int(random.integers(len(CompressionType)))], chunk_size=20_000)
         writer.start()
         channel = writer.register_channel(STEP, "json", writer.register_schema("step", "jsonschema", b"{}"))
         for name, content in metadata:
@@ -429,5 +434,6 @@ def _load_mapping(scratch: Path) -> Any:  # noqa: ANN401 - a reader
 
 def _make_env(folder: Path, random: Random) -> object:
     lines = (folder / "text").read_bytes().decode(errors="replace").split("\n")
-    env_id = lines[int(random.integers(len(lines)))]
+    changed = [line for line in lines if line not in IDS]
+    env_id = changed[int(random.integers(len(changed)))] if len(changed) > 1 else ENV
     return make_env(id_from_file(env_id, "a file")).close()
