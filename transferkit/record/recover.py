@@ -11,6 +11,7 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from transferkit.errors import RecordingError
+from transferkit.files import check_new, new_file
 from transferkit.record.reader import CutError, records
 
 
@@ -18,28 +19,22 @@ def recover(path: Path, out: Path) -> tuple[int, bool]:
     """Copy every whole chunk of an MCAP file of any tool into a new file; returns its messages, and whether any was cut off.
 
     Raises:
-        RecordingError: not an MCAP file, nothing whole in it, or `out` exists.
+        RecordingError: not an MCAP file, or nothing whole in it.
+        ConfigError: `out` exists, its name does not end in .mcap, or it cannot be written.
     """
-    if out.exists():
-        raise RecordingError(f"{out} exists", remedy="choose another {out}")
+    check_new(out, "out", ".mcap")
     count, cut = 0, True
-    temporary = out.with_name(out.name + ".tmp")
-    with temporary.open("wb") as file:
+    with new_file(out, "out") as temporary, temporary.open("wb") as file:
         writer = Writer(file, compression=CompressionType.ZSTD)
         writer.start(library="transferkit")
         copy = _Copy(writer)
-        try:
-            with suppress(CutError):
-                for record in records(path):
-                    count += copy(record)
-                cut = False
-            if not count:
-                raise RecordingError(f"{path} was cut before its first whole chunk, so nothing can be recovered")
-            writer.finish()
-        except BaseException:
-            temporary.unlink()
-            raise
-    temporary.replace(out)
+        with suppress(CutError):
+            for record in records(path):
+                count += copy(record)
+            cut = False
+        if not count:
+            raise RecordingError(f"{path} was cut before its first whole chunk, so nothing can be recovered")
+        writer.finish()
     return count, cut
 
 
