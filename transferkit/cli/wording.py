@@ -29,5 +29,6 @@ def flag(name: str, value: str | None) -> str:
 def worded(error: Exception) -> str:
     """Put an error into one line."""
     if not isinstance(error, TransferkitError):
-        return str(error)
+        named = isinstance(error, OSError) and error.strerror
+        return ": ".join(str(part) for part in (error.filename, error.strerror) if part) if named else str(error)
     return error.worded(flag, MORE.get(error.topic, ""))
