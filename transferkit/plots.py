@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -125,8 +126,10 @@ def _save(figure: Figure, path: Path) -> None:
     try:
         if path.suffix[1:] not in kinds:
             raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(sorted(kinds))}")
+        picture = io.BytesIO()  # matplotlib's PDF fails in its own way on a full disk
+        figure.savefig(picture, format=path.suffix[1:], dpi=110)
         with new_file(path, "out") as temporary:
-            figure.savefig(temporary, format=path.suffix[1:], dpi=110)
+            temporary.write_bytes(picture.getvalue())
     finally:
         plt.close(figure)
 
