@@ -48,7 +48,8 @@ class Parser(argparse.ArgumentParser):
         """
         given = list(sys.argv[1:] if args is None else args)
         own = itertools.takewhile(lambda word: word.startswith("-") or not self._subparsers, given)
-        refuse_unknown(itertools.takewhile(lambda word: word != "--", own), [*self._option_string_actions])
+        everywhere = [JSON_FLAG] if self.prog.startswith("transferkit") else []
+        refuse_unknown(itertools.takewhile(lambda word: word != "--", own), [*self._option_string_actions, *everywhere])
         options, rest = super().parse_known_args(given, namespace)
         refuse_rest(rest)
         return options, []
@@ -86,8 +87,7 @@ def refuse_unknown(words: Iterable[str], known: Sequence[str]) -> None:
     for word in words:
         name = word.partition("=")[0]
         if word.startswith("--") and name not in known:
-            flags = [flag for flag in (*known, JSON_FLAG) if flag.startswith("--")]
-            raise UnknownNameError("flag", name, flags, topic="flags")
+            raise UnknownNameError("flag", name, [flag for flag in known if flag.startswith("--")], topic="flags")
 
 
 def refuse_rest(words: Sequence[str]) -> None:

@@ -11,7 +11,7 @@ from typing import TypeVar
 import tyro
 from tyro import _errors as tyro_errors
 
-from transferkit.cli.answer import refuse_rest, refuse_unknown
+from transferkit.cli.answer import JSON_FLAG, refuse_rest, refuse_unknown
 from transferkit.config import Algorithm, TrainConfig
 from transferkit.config.checks import unfit
 from transferkit.errors import ConfigError, SettingError
@@ -44,7 +44,7 @@ def parse(command: Callable[..., T], program: str, arguments: Sequence[str], own
         UnknownNameError: an unknown flag.
     """
     given = [_none(word, after) for after, word in zip(("", *arguments), arguments, strict=False)]
-    known = ["--help", *(f"--{name}" for name in own), *_flags_of(TrainConfig("any"))]
+    known = ["--help", JSON_FLAG, *(f"--{name}" for name in own), *_flags_of(TrainConfig("any"))]
     with tyro_errors.on_parse_error(partial(_refuse, given, known)):
         return tyro.cli(command, prog=program, args=given)
 
