@@ -1,9 +1,11 @@
+import errno
+import os
 import resource
 
 import pytest
 
-from transferkit.errors import RunDirectoryError
-from transferkit.files import read_json, write_atomically, write_json
+from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.files import check_folder, check_new, new_file, read_json, write_atomically, write_json
 
 
 def test_json_makes_the_round_trip_and_leaves_no_other_file(tmp_path):
@@ -40,3 +42,31 @@ def test_a_full_disk_leaves_the_old_file(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
     assert path.read_bytes() == b"old"
+
+
+def test_a_file_is_whole_or_not_there(tmp_path):
+    out = tmp_path / "x.onnx"
+
+    def write(data, error):
+        with new_file(out, "out") as temporary:
+            temporary.write_bytes(data)
+            if error is not None:
+                raise error
+
+    with pytest.raises(ConfigError, match=r"cannot write .*x\.onnx: No space left on device; choose another out"):
+        write(b"half", OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+    with pytest.raises(KeyboardInterrupt):
+        write(b"half", KeyboardInterrupt())
+    assert not list(tmp_path.iterdir())
+    write(b"whole", None)
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"whole"]
+
+
+def test_a_new_file_has_its_ending_and_a_folder_no_file_in_its_way(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(ConfigError, match=r"ending of .*x\.txt='.txt' must be \.mp4; choose another video"):
+        check_new(tmp_path / "x.txt", "video", ".mp4")
+    with pytest.raises(ConfigError, match=r"file is not a folder; choose another out"):
+        check_folder(tmp_path / "file/deep/er", "out")
+    check_folder(tmp_path / "deep/er", "out")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

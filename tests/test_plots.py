@@ -74,6 +74,11 @@ def test_an_episode_of_a_recording_is_drawn(tmp_path):
         draw_recording(file, tmp_path / "y.svg", episode=3)
 
 
+def test_names_from_outside_are_shown_as_they_are(run, tmp_path):
+    draw_learning_curves({r"_$\frac{$": run()}, "$x$", tmp_path / "x.svg")
+    assert {r" _$\frac{$", "$x$"} <= said(tmp_path / "x.svg")
+
+
 def test_what_cannot_be_drawn_is_refused(run, tmp_path):
     with pytest.raises(RunDirectoryError, match="no finished episode yet; train longer, then plot"):
         draw_run(run(returns=()), tmp_path / "x.png")
@@ -81,6 +86,6 @@ def test_what_cannot_be_drawn_is_refused(run, tmp_path):
         draw_run(tmp_path, tmp_path / "x.png")
     with pytest.raises(ConfigError, match=r"ending of .*x.doc='.doc' must be .*\.png.*\.svg"):
         draw_run(run(name="other"), tmp_path / "x.doc")
-    with pytest.raises(ConfigError, match=r"cannot write .*: No such file .*; choose an out in a folder that exists"):
+    with pytest.raises(ConfigError, match=r"cannot write .*: No such file .*; choose another out"):
         draw_run(tmp_path / "other", tmp_path / "nowhere/x.png")
     assert not plt.get_fignums()

@@ -7,7 +7,8 @@ import time
 
 import pytest
 
-from transferkit.workers import _held_interrupts
+from transferkit.errors import SettingError
+from transferkit.workers import _held_interrupts, worker_pool
 
 PARENT = """
 import os, sys, time
@@ -66,3 +67,10 @@ def test_a_ctrl_c_waits_also_where_another_thread_gets_it():
         signal.signal(signal.SIGINT, before)
         over.set()
     assert steps == ["afterwards"]
+
+
+def test_a_pool_has_at_least_one_worker_and_no_more_than_jobs():
+    with pytest.raises(SettingError, match=r"^workers=0 must be at least 1"), worker_pool(0, 1):
+        pass
+    with worker_pool(2**40, 1) as pool:
+        assert pool.submit(int).result() == 0

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Annotated
 
-from transferkit.errors import ConfigError, SettingError
+from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check
+from transferkit.errors import ConfigError
 
 
 @dataclass(frozen=True)
@@ -16,21 +17,17 @@ class Budget:
         ConfigError: no limit is given, or one is not positive.
     """
 
-    episodes: int | None = None
+    episodes: Annotated[int, AT_LEAST_ONE] | None = None
     """Completed episodes, over all parallel environments together."""
-    steps: int | None = None
+    steps: Annotated[int, AT_LEAST_ONE] | None = None
     """Environment steps, over all parallel environments together."""
-    seconds: float | None = None
+    seconds: Annotated[float, POSITIVE] | None = None
     """Wall-clock seconds of training, evaluation not counted."""
 
     def __post_init__(self) -> None:
-        limits = {"episodes": self.episodes, "steps": self.steps, "seconds": self.seconds}
-        given = {name: limit for name, limit in limits.items() if limit is not None}
-        if not given:
+        check(self)
+        if (self.episodes, self.steps, self.seconds) == (None, None, None):
             raise ConfigError("no budget given", remedy="give {episodes}, {steps} or {seconds}")
-        for name, limit in given.items():
-            if not limit > 0 or not math.isfinite(limit):
-                raise SettingError(name, value=limit, allowed="a number above 0")
 
 
 @dataclass

@@ -15,11 +15,11 @@ _OPTION = re.compile(r"\{([\w.]+)(?:=([^}]*))?\}")
 NOT_GIVEN = ...
 """The error has no value."""
 
-LONGEST = 1000
-"""Characters of a message's parts."""
-
 FEW = 12
 """Known names that are listed if none is near."""
+
+LONGEST, LONGEST_VALUE = 1000, 100
+"""Characters of a message's parts, and of a value in it, that are shown."""
 
 Spelling = Callable[[str, str | None], str]
 """Writes an option, by its dotted name and perhaps a value, as the reader would write it."""
@@ -41,6 +41,12 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A question with the nearest known names; empty if none is near."""
     close = difflib.get_close_matches(name, list(known), n=3, cutoff=0.5)
     return f"did you mean {' or '.join(close)}?" if close else ""
+
+
+def shown(value: object) -> str:
+    """Write a value, or the beginning of a long one."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
 
 
 class TransferkitError(Exception):
@@ -70,7 +76,7 @@ class TransferkitError(Exception):
 
     def _problem(self, spell: Spelling) -> str:
         what = _OPTION.sub(lambda match: spell(match[1], match[2]), self.what)
-        given = what if self.value is NOT_GIVEN else f"{what}={self.value!r}"
+        given = what if self.value is NOT_GIVEN else f"{what}={shown(self.value)}"
         return f"{given} must be {self.allowed}" if self.allowed else given
 
     def __reduce__(self) -> tuple[Any, ...]:  # exceptions cross processes by pickle
@@ -91,7 +97,7 @@ class SettingError(ConfigError):
     """A setting with a value that it cannot have; `what` is its dotted name."""
 
     def _problem(self, spell: Spelling) -> str:
-        return f"{spell(self.what, None)}={self.value!r} must be {self.allowed}"
+        return f"{spell(self.what, None)}={shown(self.value)} must be {self.allowed}"
 
 
 class UnknownNameError(TransferkitError):

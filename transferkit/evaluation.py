@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
-from transferkit.envs import dims, make_env, rollout
-from transferkit.errors import DimensionError, NotFiniteError, SettingError
+from transferkit.config.checks import EPISODES, check_value
+from transferkit.envs import make_env, rollout
+from transferkit.errors import NotFiniteError
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
     from transferkit.envs import Actor
 
-EPISODES = 20
-"""Default episodes of an evaluation."""
+DEFAULT_EPISODES = 20
+"""Episodes of an evaluation."""
 
 POOL = 10
 """Most environments stepped side by side."""
@@ -76,7 +77,7 @@ def evaluate(
     policy: Actor,
     env: str | Callable[[], gymnasium.Env],
     *,
-    episodes: int = EPISODES,
+    episodes: int = DEFAULT_EPISODES,
     seed: int = 0,
     clip_actions: bool = True,
     max_episode_steps: int | None = None,
@@ -97,14 +98,14 @@ def evaluate(
 
     Raises:
         SettingError: less than one episode, or a negative seed.
-        DimensionError: the policy does not fit the environment.
+        ConfigError: the policy does not fit the environment.
         NotFiniteError, EnvironmentContractError: the policy or the environment returned what it must not.
     """
-    if episodes < 1:
-        raise SettingError("episodes", value=episodes, allowed="at least 1")
+    check_value("episodes", episodes, Annotated[int, EPISODES])
     streams, options = Streams(seed), {"clip_actions": clip_actions, "max_episode_steps": max_episode_steps}
     pool = [make_env(env if isinstance(env, str) else env(), **options) for _ in range(min(POOL, episodes))]
-    check_fits(policy, pool[0])
+    if fits := getattr(policy, "check_fits", None):  # not every actor is a policy
+        fits(pool[0])
     returns, lengths, ended = np.zeros(episodes), np.zeros(episodes, int), 0
     for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
         returns[step.episode] += step.reward
@@ -117,17 +118,3 @@ def evaluate(
     if not np.isfinite(returns).all():
         raise NotFiniteError("the return of an episode is infinite", remedy="check the environment's rewards")
     return Evaluation(tuple(returns.tolist()), tuple(lengths.tolist()))
-
-
-def check_fits(policy: object, env: gymnasium.Env) -> None:
-    """Compare the dimensions that a policy states, if it does, with an environment's.
-
-    Raises:
-        DimensionError: they differ.
-    """
-    needed, stated = dims(env), (getattr(policy, "obs_dim", None), getattr(policy, "act_dim", None))
-    if any(has not in (None, needs) for has, needs in zip(stated, needed, strict=True)):
-        raise DimensionError(
-            f"the policy takes {stated[0]} observations, {stated[1]} actions; the environment has {needed[0]} and {needed[1]}",
-            remedy="build one for it with wrap(core, env)",
-        )

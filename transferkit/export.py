@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING
 import torch
 from torch import Tensor, nn
 
+from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError
-from transferkit.files import check_new
+from transferkit.files import check_new, new_file
 from transferkit.policy.health import play
 from transferkit.record.format import Names
+from transferkit.record.play import Subject
 from transferkit.versions import versions
 
 if TYPE_CHECKING:
     from transferkit.policy.base import Policy
-    from transferkit.record.play import Subject
     from transferkit.spec import IOSpec
 
 PARITY_ROWS = 1000
@@ -52,11 +53,12 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
     Returns the largest difference to torch over 1,000 random observations.
 
     Raises:
-        ConfigError: the file exists, its folder does not, or ONNX is not installed.
+        ConfigError: the file exists, its folder does not, it cannot be written, or ONNX is not installed.
         RunDirectoryError: the exported file does not act as the policy does.
     """
     path = Path(path)
-    check_new(path, "out")
+    check_kind("subject", subject, Subject, "load it with load_subject")
+    check_new(path, "out", ".onnx")
     onnx, runtime, _ = (_module(name) for name in ("onnx", "onnxruntime", "onnxscript"))  # torch exports through the last
     spec = derive_spec(subject.env)
     low, high = (torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high"))
@@ -74,7 +76,8 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
         raise RunDirectoryError(
             f"the exported policy differs from torch by {difference:.2g}, so nothing is written", remedy="report it"
         )
-    path.write_bytes(data)
+    with new_file(path, "out") as temporary:
+        temporary.write_bytes(data)
     return difference
 
 

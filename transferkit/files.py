@@ -18,12 +18,14 @@ LARGEST = 16 * 2**20
 """Bytes of a JSON file or a table."""
 
 
-def check_new(path: Path, option: str) -> None:
+def check_new(path: Path, option: str, ending: str = "") -> None:
     """Check that a file does not exist but its folder does, before any work is done for it.
 
     Raises:
-        ConfigError: the file exists, or its folder does not.
+        ConfigError: the file exists, its folder does not, or its name has another ending.
     """
+    if ending and path.suffix != ending:
+        raise ConfigError(f"ending of {path}", value=path.suffix, allowed=ending, remedy=f"choose another {{{option}}}")
     if path.exists():
         raise ConfigError(f"{path} exists", remedy=f"choose another {{{option}}}")
     if not path.parent.is_dir():
@@ -32,23 +34,56 @@ def check_new(path: Path, option: str) -> None:
         )
 
 
+def check_folder(path: Path, option: str) -> None:
+    """Check that a folder is there or can be made, before any work is done for it.
+
+    Raises:
+        ConfigError: a file is in its way, or it cannot be written.
+    """
+    nearest = next(place for place in (path, *path.parents) if place.exists())
+    if not nearest.is_dir():
+        raise ConfigError(f"{nearest} is not a folder", remedy=f"choose another {{{option}}}")
+    if not os.access(nearest, os.W_OK):
+        raise ConfigError(f"{nearest} cannot be written", remedy=f"choose another {{{option}}}")
+
+
+@contextlib.contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A temporary file to write, which takes the place of `path` at the end; if anything fails nothing of it is left."""
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+@contextlib.contextmanager
+def new_file(path: Path, option: str) -> Iterator[Path]:
+    """A temporary file to write for a user's `option`; there is either all of it in the end or nothing.
+
+    Raises:
+        ConfigError: it cannot be written.
+    """
+    try:
+        with replacing(path) as temporary:
+            yield temporary
+    except OSError as error:
+        reason = error.strerror or str(error).split("\n", 1)[0]
+        raise ConfigError(f"cannot write {path}: {reason}", remedy=f"choose another {{{option}}}") from None
+
+
 def write_atomically(path: Path, data: bytes) -> None:
     """Replace `path` in one step: temporary file, fsync, rename.
 
     Raises:
         RunDirectoryError: the disk is full or the path is not writable; what was at `path` before is still there.
     """
-    temporary = path.with_name(path.name + ".tmp")
-    with writing(path):
-        try:
-            with temporary.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            temporary.replace(path)
-        except OSError:
-            temporary.unlink(missing_ok=True)
-            raise
+    with writing(path), replacing(path) as temporary, temporary.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 @contextlib.contextmanager

@@ -13,10 +13,10 @@ import torch
 
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, identity, migrated_blueprint
-from transferkit.envs import VectorEnv, derive_spec, dims, make_env
+from transferkit.envs import VectorEnv, derive_spec, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.files import damaged_run
+from transferkit.files import check_folder, damaged_run
 from transferkit.policy.saved import as_saved, state_of
 from transferkit.record.experience import load_experience
 from transferkit.record.play import Subject, record_evaluation
@@ -63,18 +63,11 @@ class Job:
         return make_env(raw, **asdict(self.config.env_config))
 
     def check(self) -> None:
-        """Refuse a budget, a device or a policy that does not fit, before anything is written."""
-        config, policy, env = self.config, self.policy, self.make_env()
+        """Refuse a budget, a device, a folder or a policy that does not fit, before anything is written."""
+        check_folder(self.out, "out")
         self._budget()
-        _device(config.device)
-        needed = dims(env)
-        env.close()
-        if (policy.obs_dim, policy.act_dim) != needed:
-            raise ConfigError(
-                f"the policy takes {policy.obs_dim} observations and {policy.act_dim} actions, environment {config.env} has "
-                f"{needed[0]} and {needed[1]}",
-                remedy=f"build it with wrap(core, '{config.env}')",
-            )
+        _device(self.config.device)
+        self.policy.check_fits(self.make_env(), self.config.env)
 
     def experience(self, *, resume: bool) -> tuple[Transitions | None, Ledger]:
         """Load the recordings to start with and their ledger; a run that has a checkpoint needs them no more."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from transferkit.config import TrainConfig
 from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
+from transferkit.files import new_file
 from transferkit.record.reader import read, spec_of
 from transferkit.run import EpisodeRow, EvaluationRow, ModelRow, read_record, read_table
 
@@ -43,12 +45,12 @@ def draw_learning_curves(runs: Mapping[str, Path], title: str, path: Path, *, ze
     """Draw training returns of runs by label, over episodes and over environment steps: each episode, and a running mean."""
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), sharey=True, layout="constrained")
     for (label, run), colour in zip(runs.items(), COLOURS, strict=False):
-        _draw_returns(axes, run, label, colour)
+        _draw_returns(axes, run, verbatim(label), colour)
     for axis in axes:
         if zero_action is not None:
             axis.axhline(zero_action, color="grey", linestyle=":")
     axes[0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
-    axes[0].set_title(title)
+    axes[0].set_title(verbatim(title))
     axes[1].set_title("" if zero_action is None else "dotted: zero action")
     axes[0].legend()
     _save(figure, path)
@@ -68,7 +70,7 @@ def draw_run(run: Path, path: Path) -> None:
     figure, axes = plt.subplots(rows, panels, figsize=(12, 4 * rows), layout="constrained", squeeze=False)
     _draw_returns(axes[0], run, "training", COLOURS[0])
     _draw_evaluations(axes[0][:2], read_table(run, EvaluationRow))
-    figure.suptitle(f"{config.env}, {config.algo}, {config.core or 'scratch'}, seed {config.seed}")
+    figure.suptitle(verbatim(f"{config.env}, {config.algo}, {config.core or 'scratch'}, seed {config.seed}"))
     axes[0][0].set_ylabel(f"return (line: mean of {WINDOW} episodes)")
     axes[0][0].legend()
     if model is not None:
@@ -99,7 +101,7 @@ def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
         axes[-1].plot(seconds, values, "--", color=COLOURS[1], label="value, in the critic's scale")
     axes[-1].legend(loc="upper left", fontsize="x-small")
     axes[-1].set_xlabel("simulated seconds" if spec.time_step else "steps")
-    figure.suptitle(f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}")
+    figure.suptitle(verbatim(f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}"))
     _save(figure, path)
 
 
@@ -107,10 +109,15 @@ def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Seq
     for k, element in enumerate(list(rows[0])[:MOST_TRACES]):
         style = ("-", "--", ":")[k // len(COLOURS)]
         values, colour = [row.get(element, np.nan) for row in rows], COLOURS[k % len(COLOURS)]
-        axis.plot(seconds, values, style, color=colour, label=element, linewidth=1)
+        axis.plot(seconds, values, style, color=colour, label=verbatim(element), linewidth=1)
     more = f", first {MOST_TRACES} of {len(rows[0])}" if len(rows[0]) > MOST_TRACES else ""
     axis.set_ylabel(f"{name.replace('_', ' ')}{more}")
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="x-small")
+
+
+def verbatim(text: str) -> str:
+    """Write a name from outside so that matplotlib shows it as it is, without mathematics, and in the legend."""
+    return (" " if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
 def _save(figure: Figure, path: Path) -> None:
@@ -118,9 +125,10 @@ def _save(figure: Figure, path: Path) -> None:
     try:
         if path.suffix[1:] not in kinds:
             raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(sorted(kinds))}")
-        figure.savefig(path, dpi=110)
-    except OSError as error:
-        raise ConfigError(f"cannot write {path}: {error.strerror}", remedy="choose an {out} in a folder that exists") from None
+        picture = io.BytesIO()  # matplotlib's PDF fails in its own way on a full disk
+        figure.savefig(picture, format=path.suffix[1:], dpi=110)
+        with new_file(path, "out") as temporary:
+            temporary.write_bytes(picture.getvalue())
     finally:
         plt.close(figure)
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from transferkit import stats
+from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check - read at run time
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
+from transferkit.files import check_folder
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
@@ -41,16 +44,23 @@ class Recipe:
     """Name of the core without its version."""
     threshold: float
     """Mean return that every member has to reach."""
-    version: int = 1
+    version: Annotated[int, AT_LEAST_ONE] = 1
     """Version of the artifact; a released one is never rewritten."""
-    seeds: tuple[int, ...] = (0, 1, 2, 3, 4)
+    seeds: Annotated[tuple[Seed, ...], Items(int(MEMBERS.high))] = (0, 1, 2, 3, 4)
     """Source seed of each member; none is left out afterwards."""
     zoo: Path = Path("zoo")
     """Folder the artifact goes into."""
     description: str = ""
     """One sentence for the card."""
-    workers: int = 2
+    workers: Annotated[int, AT_LEAST_ONE] = 2
     """Members trained at the same time."""
+
+    def __post_init__(self) -> None:
+        check(self)
+        if not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*", self.name):
+            raise SettingError("name", value=self.name, allowed="letters, digits, '-', '_' and '.', which is not the first")
+        if len({*self.seeds}) < len(self.seeds):
+            raise SettingError("seeds", value=self.seeds, allowed="different from each other")
 
     @property
     def id(self) -> str:
@@ -63,10 +73,9 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
 
     Raises:
         ArtifactError: the version exists, or a member is below the threshold.
-        ConfigError: there are no seeds, or a core cannot be made of what the configuration trains.
+        ConfigError: a core cannot be made of what the configuration trains, or its folder cannot be written.
     """
-    if not recipe.seeds:
-        raise SettingError("seeds", value=(), allowed="at least one number")
+    check_folder(recipe.zoo, "zoo")
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch", remedy="leave out {core}")
     if config.algo != "ppo" and config.model.predict == "state":

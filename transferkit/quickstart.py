@@ -13,6 +13,7 @@ from transferkit.budget import Budget
 from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec
 from transferkit.evaluation import RandomPolicy, ZeroPolicy, evaluate
+from transferkit.files import check_folder
 from transferkit.plots import draw_learning_curves
 from transferkit.policy.make import wrap
 from transferkit.training import run_training
@@ -65,6 +66,7 @@ class Outcome:
 
 def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManager[Report]], *, seed: int = 0) -> Outcome:
     """Play the core on its twin, then train it and a scratch policy on the target; repeated calls continue."""
+    check_folder(out, "out")
     core = load_core(CORE)
     twin = zero_shot(core, TWIN, episodes=TWIN_EPISODES, seed=seed)
     runs = []

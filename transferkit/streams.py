@@ -7,20 +7,19 @@ import zlib
 import numpy as np
 import torch
 
-from transferkit.errors import SettingError
+from transferkit.config.checks import Seed, check_value
 
 
 class Streams:
     """Named random streams spawned from one seed (numpy's `SeedSequence`); the same name gives the same stream.
 
     Raises:
-        SettingError: the seed is negative.
+        SettingError: the seed is not a whole number from 0 to 2**63 - 1.
     """
 
     def __init__(self, seed: int) -> None:
-        if seed < 0:
-            raise SettingError("seed", value=seed, allowed="at least 0")
-        self.seed = seed
+        self.seed = int(seed) if isinstance(seed, np.integer) else seed
+        check_value("seed", self.seed, Seed)
 
     def integer(self, name: str, *index: int) -> int:
         """Draw a 32-bit seed for the stream's element `index`, to hand to somebody else's `seed=`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -9,17 +10,19 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 
-from transferkit.config import TrainConfig, preset_family, with_settings
+from transferkit.budget import Budget
+from transferkit.config import TrainConfig, check_read, preset_family, with_settings
+from transferkit.config.checks import check_kind
+from transferkit.errors import ConfigError
 from transferkit.job import Job
 from transferkit.nn import one_thread
+from transferkit.policy.base import Policy
 from transferkit.policy.make import new_policy
 from transferkit.trainers.loop import train_and_evaluate
 from transferkit.zoo.artifact import load_core
 
 if TYPE_CHECKING:
-    from transferkit.budget import Budget
     from transferkit.config import Algorithm
-    from transferkit.policy.base import Policy
     from transferkit.run import Report, Result
 
 RUNS = Path("runs")
@@ -50,6 +53,7 @@ def run_training(
     Raises:
         TransferkitError: any of its kinds; see `transferkit.errors`.
     """
+    check_kind("config", config, TrainConfig, "make one, such as TrainConfig('Hopper-v5', steps=10_000)")
     with one_thread():  # the fastest for small networks, and the only number that always gives the same bits
         core = None if config.core is None else load_core(config.core)
         policy = policy or new_policy(config, core)
@@ -95,6 +99,11 @@ def train(
     Raises:
         TransferkitError: any of its kinds; see `transferkit.errors`.
     """
+    check_kind("policy", policy, Policy, "make one with wrap(core, env) or scratch_policy(env)")
+    check_kind("budget", budget, Budget, "give one, such as Budget(episodes=200)")
+    check_kind("settings", {} if settings is None else settings, Mapping, "give them by name, such as {'ppo.gamma': 0.98}")
+    if not (isinstance(env, str) or callable(env)):
+        raise ConfigError(f"env is of type {type(env).__name__}", remedy="give an id, or a function that makes one environment")
     name = env if isinstance(env, str) else getattr(env, "__name__", type(env).__name__)
     config = TrainConfig(
         name,
@@ -108,6 +117,7 @@ def train(
         stop_at=stop_at,
     )
     config = with_settings(config, settings or {})
+    check_read(config, settings or {}, ready=True)
     with one_thread():
         job = Job(config, policy, env, default_directory(config) if out is None else Path(out))
         return _run(job, resume=resume, report=report)
@@ -116,8 +126,8 @@ def train(
 def default_directory(config: TrainConfig) -> Path:
     """Name a run directory: `runs/<env>_<core or scratch>_<algo>_<preset>_seed<k>`, the preset without its version."""
     core = "scratch" if config.core is None else f"{Path(config.core).name}.{config.member}"
-    env, preset = config.env.replace("/", "-"), preset_family(config.preset)
-    return RUNS / f"{env}_{core}_{config.algo}_{preset}_seed{config.seed}"
+    name = f"{config.env}_{core}_{config.algo}_{preset_family(config.preset)}_seed{config.seed}"
+    return RUNS / re.sub(r"[/:]", "-", name)
 
 
 def _run(job: Job, *, resume: bool, report: Report | None) -> Result:

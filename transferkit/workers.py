@@ -12,7 +12,9 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
+from typing import Annotated
 
+from transferkit.config.checks import AT_LEAST_ONE, check_value
 from transferkit.errors import InterruptedRunError
 
 GRACE = 15.0
@@ -37,12 +39,15 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
     """Fresh processes, no more than jobs, that save and stop when their parent is gone: the next call finds their runs free.
 
     Raises:
+        SettingError: there is no worker.
         InterruptedRunError: Ctrl-C; the workers have saved and stopped.
     """
+    check_value("workers", workers, Annotated[int, AT_LEAST_ONE])
+    workers = min(workers, max(1, jobs))
     with ProcessPoolExecutor(workers, _CONTEXT, initializer=_stop_with_parent) as pool:
         try:
             with _held_interrupts():
-                for _ in range(min(workers, jobs)):
+                for _ in range(workers):
                     pool.submit(int)  # starts a process
             yield pool
         except KeyboardInterrupt:

@@ -13,22 +13,24 @@ from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
-from transferkit.cli.wording import flag
+from transferkit.cli.answer import Parser, whole
+from transferkit.cli.wording import worded
+from transferkit.config.checks import AT_LEAST_ONE
 from transferkit.errors import InterruptedRunError, TransferkitError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run what is not done; the exit status is 1 if a cell failed, 2 if the grid or the cluster is wrong."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("grid", type=Path)
     parser.add_argument("--out", type=Path, required=True)
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--workers", type=int, default=2, help="processes on this machine")
+    where.add_argument("--workers", type=whole("workers", AT_LEAST_ONE), default=2, help="processes on this machine")
     where.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster instead: `auto`, HOST:PORT or ray://HOST:PORT")
     parser.add_argument("--resume", action="store_true", help="the default: what is done is never run again")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
-    options = parser.parse_args(arguments)
     try:
+        options = parser.parse_args(arguments)
         from experiments.matrix.runner import run  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
 
         return run(options.grid, options.out, workers=options.workers, ray=options.ray, dry_run=options.dry_run)
@@ -36,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print("stopped; the same command goes on", file=sys.stderr)
         return 130
     except TransferkitError as error:
-        print(f"error: {error.worded(flag)}", file=sys.stderr)
+        print(f"error: {worded(error)}", file=sys.stderr)
         return 130 if isinstance(error, InterruptedRunError) else 2
     except BrokenProcessPool:
         print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)

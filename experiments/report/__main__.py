@@ -2,35 +2,32 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.wording import flag
+from transferkit.cli.answer import Parser
+from transferkit.cli.wording import worded
 from transferkit.errors import TransferkitError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write the page, and beside it a folder `<page>_files` with figures (PNG, SVG) and tables (CSV)."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = Parser(description=__doc__)
     parser.add_argument("results", type=Path, help="folder that `experiments.matrix --out` wrote")
     parser.add_argument(
         "--out", type=Path, default=Path("report.html"), help="the page, which is replaced; by default %(default)s"
     )
-    options = parser.parse_args(arguments)
     try:
+        options = parser.parse_args(arguments)
         from experiments.report.write import report  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
 
         report(options.results, options.out)
     except KeyboardInterrupt:
         print("stopped; nothing was reported", file=sys.stderr)
         return 130
-    except TransferkitError as error:
-        print(f"error: {error.worded(flag)}", file=sys.stderr)
-        return 2
-    except OSError as error:
-        print(f"error: {error}", file=sys.stderr)
+    except (TransferkitError, OSError) as error:
+        print(f"error: {worded(error)}", file=sys.stderr)
         return 2
     return 0
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, ZERO_ACTION
 from experiments.report.verdict import TRANSFER
 from transferkit import stats
-from transferkit.plots import COLOURS
+from transferkit.plots import COLOURS, verbatim
 
 if TYPE_CHECKING:
     from experiments.report.comparisons import Group
@@ -75,7 +75,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Figure:
                 continue
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[k // len(COLOURS) % len(DASHES)]
-            axis.plot(curve.x, curve.iqm, style, color=colour, label=f"{label} (n {curve.n})")
+            axis.plot(curve.x, curve.iqm, style, color=colour, label=verbatim(f"{label} (n {curve.n})"))
             axis.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, linewidth=0)
         _limit(axis, list(curves.values()))
         if ZERO_ACTION in groups[0].arms:
@@ -85,7 +85,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Figure:
         axis.locator_params(axis="x", nbins=6)
     axes[0].set_ylabel("training return, IQM over runs with 95 % interval")
     _legend_below(figure, axes[0])
-    figure.suptitle(target)
+    figure.suptitle(verbatim(target))
     return figure
 
 
@@ -110,8 +110,8 @@ def _profiles(groups: Sequence[Group]) -> Figure:
     for k, ((trainer, name), found) in enumerate(scores.items()):
         runs = np.concatenate(list(found.values()))
         profile = stats.performance_profile(runs, PROFILE_POINTS)
-        style = DASHES[k // len(COLOURS) % len(DASHES)]
-        axis.plot(PROFILE_POINTS, profile, style, color=COLOURS[k % len(COLOURS)], label=f"{trainer}, {name} (n {len(runs)})")
+        style, label = DASHES[k // len(COLOURS) % len(DASHES)], verbatim(f"{trainer}, {name} (n {len(runs)})")
+        axis.plot(PROFILE_POINTS, profile, style, color=COLOURS[k % len(COLOURS)], label=label)
     axis.set_xlabel("normalised score: 0 zero action, 1 the target's upper reference")
     axis.set_ylabel("share of runs above it")
     _legend_below(figure, axis)

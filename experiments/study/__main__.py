@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import argparse
 import difflib
 import sys
 from collections.abc import Sequence
@@ -13,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from experiments.study.readme import render
 from experiments.study.rooms import find, names
-from transferkit.cli.wording import flag
+from transferkit.cli.answer import Parser
+from transferkit.cli.wording import worded
 from transferkit.errors import TransferkitError
 
 if TYPE_CHECKING:
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check; the exit status is 1 if a README differs from its rows, 2 if there is no such study."""
-    parser = argparse.ArgumentParser(prog="experiments.study", description=__doc__)
+    parser = Parser(prog="experiments.study", description=__doc__)
     parser.add_argument("claim", nargs="*", help="a folder of experiments/studies")
     parser.add_argument("--all", action="store_true", help="every study")
     parser.add_argument("--check", action="store_true", help="change nothing; fail if a table differs from its rows")
-    options = parser.parse_args(arguments)
-    if options.all == bool(options.claim):
-        parser.error("name a study, or pass --all")
     try:
+        options = parser.parse_args(arguments)
+        if options.all == bool(options.claim):
+            parser.error("name a study, or pass --all")
         studies = [find(name) for name in (names() if options.all else options.claim)]
         return max([check(study) if options.check else write(study) for study in studies])
     except TransferkitError as error:
-        print(f"error: {error.worded(flag)}", file=sys.stderr)
+        print(f"error: {worded(error)}", file=sys.stderr)
         return 2
 
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from experiments.study.kinds import ARMS
 from transferkit import stats
-from transferkit.plots import COLOURS
+from transferkit.plots import COLOURS, verbatim
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,10 +30,10 @@ def draw(study: Study) -> Figure:
     lines = [(trainer, arm) for trainer in trainers for arm in ARMS if _of(rows, trainer, arm)]
     figure = Figure(figsize=(max(7, 4.5 * len(targets)), 4), layout="constrained")
     for axis, target in zip(figure.subplots(1, len(targets), squeeze=False)[0], targets, strict=True):
-        axis.set(title=target, xlabel="environment steps")
+        axis.set(title=verbatim(target), xlabel="environment steps")
         axis.locator_params(axis="x", nbins=5)
         for k, (trainer, arm) in enumerate(lines):
-            label = ", ".join([ARMS[arm], *([trainer] if len(trainers) > 1 else [])])
+            label = verbatim(", ".join([ARMS[arm], *([trainer] if len(trainers) > 1 else [])]))
             _line(axis, study, _of(rows, trainer, arm, target), label, (COLOURS[k % 5], DASHES[k // 5]))
     figure.axes[0].set_ylabel("evaluation, IQM with 95 % interval")
     named = {label: line for axis in figure.axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}

@@ -38,6 +38,11 @@ def _compute(study: Study, spec: str) -> Lines:
         raise StudyError(f"{study.readme}: the table of {spec.splitlines()[:1]} cannot be made ({error!r})") from error
 
 
+def _cell(text: str) -> str:
+    """A cell on one line; what is in code is left to its author."""
+    return " ".join(text.replace("|", r"\|").splitlines())
+
+
 def _markdown(lines: Lines) -> str:
-    rows = [f"| {' | '.join(line)} |\n" for line in lines]
+    rows = [f"| {' | '.join(map(_cell, line))} |\n" for line in lines]
     return "".join([rows[0], "|" + "---|" * len(lines[0]) + "\n", *rows[1:]])

@@ -21,14 +21,16 @@ CORE = "inverted-pendulum-v1"
             "train --env CartPole-v1 --steps 10", "Discrete(2) must be a flat and bounded Box; `transferkit envs", id="space"
         ),
         pytest.param("train --env Hopper-v5", "no budget given; give --episodes, --steps or --seconds", id="no budget"),
-        pytest.param("train --env Hopper-v5 --steps many", "--steps", id="not a number"),
+        pytest.param(
+            "train --env Hopper-v5 --steps many", "--steps='many' must be a whole number; `--help`", id="not a number"
+        ),
         pytest.param("train --env Hopper-v5 --stepz 9", "unknown flag '--stepz'; did you mean --steps", id="flag"),
         pytest.param(
             "train --env Hopper-v5 --ppo.gama 0.9", "unknown flag '--ppo.gama'; did you mean --ppo.gamma", id="setting"
         ),
         pytest.param("train --steps 9", "missing --env", id="no environment"),
-        pytest.param("train --env Hopper-v5 --steps 0", "--steps=0 must be above 0", id="no steps"),
-        pytest.param("train --env Hopper-v5 --episodes -3", "--episodes=-3 must be above 0", id="negative episodes"),
+        pytest.param("train --env Hopper-v5 --steps 0", "--steps=0 must be at least 1", id="no steps"),
+        pytest.param("train --env Hopper-v5 --episodes -3", "--episodes=-3 must be at least 1", id="negative episodes"),
         pytest.param("train --env Hopper-v5 --steps 9 --preset papr", "did you mean paper or paper-v1", id="preset"),
         pytest.param("train --env Hopper-v5 --steps 9 --algo pop", "must be ppo or dyna-ddpg or dyna-ppo", id="trainer"),
         pytest.param(

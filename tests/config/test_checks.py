@@ -6,18 +6,19 @@ from typing import Annotated, Literal
 import pytest
 
 from transferkit.config import ModelConfig, NetworkConfig
-from transferkit.config.checks import Range, check
+from transferkit.config.checks import Items, Range, check
 from transferkit.errors import SettingError
 
 
 @pytest.mark.parametrize(
     ("allowed", "inside", "outside", "words"),
     [
-        pytest.param(Range(1), (1, 1.5, 1e9), (0, 0.999, math.inf, math.nan), "at least 1", id="a lower end"),
+        pytest.param(Range(1), (1, 1.5, 10**400), (0, 0.999, math.inf, math.nan), "at least 1", id="a lower end"),
         pytest.param(Range(0, open_low=True), (1e-9, 5), (0, -1), "above 0", id="an open lower end"),
         pytest.param(Range(high=2), (2, -1e9), (2.1, -math.inf), "at most 2", id="an upper end"),
         pytest.param(Range(0, 1), (0, 0.5, 1), (-0.1, 1.1), "at least 0 and at most 1", id="both ends"),
         pytest.param(Range(0, 1, open_high=True), (0, 0.99), (1, 2), "at least 0 and below 1", id="an open upper end"),
+        pytest.param(Range(1, 10**6), (10**6,), (10**6 + 1,), "at least 1 and at most 1,000,000", id="a large end"),
     ],
 )
 def test_a_range_holds_finite_numbers_up_to_its_ends_and_says_so(allowed, inside, outside, words):
@@ -35,6 +36,7 @@ class Sample:
     perhaps: Annotated[float, Range(0)] | None = None
     choice: Literal["adam", "sgd"] = "adam"
     several: tuple[Annotated[int, Range(1)], ...] = (1,)
+    layers: Annotated[tuple[int, ...], Items(2)] = (1,)
     table: Mapping[str, float] = field(default_factory=dict)
     other: object = None
     """Not checked: it has no type of a setting."""
@@ -69,7 +71,11 @@ def test_what_fits_its_annotation_passes(fits):
         ("count", 0, "at least 1"),
         ("count", "many", "a whole number"),
         ("perhaps", -0.5, "at least 0"),
-        ("perhaps", float("nan"), "at least 0"),
+        ("perhaps", float("nan"), "a finite number"),
+        ("number", math.inf, "a finite number"),
+        ("count", 10**400, "at most 9,223,372,036,854,775,807"),
+        ("layers", (), "at least one number and at most 2"),
+        ("layers", (1, 2, 3), "at least one number and at most 2"),
         ("choice", "adm", "adam or sgd; did you mean adam?"),
         ("choice", 3, "adam or sgd"),
         ("several", [1], "a list, each item a whole number"),

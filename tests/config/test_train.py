@@ -97,7 +97,7 @@ def test_an_unknown_setting_is_refused_with_the_nearest(settings, message):
     [
         pytest.param({"algo": "pop"}, r"unknown trainer 'pop'; did you mean ppo\?", id="trainer"),
         pytest.param({"preset": "papr"}, "unknown preset of ppo 'papr'; did you mean paper", id="preset"),
-        pytest.param({"steps": 0}, "^steps=0 must be above 0", id="budget"),
+        pytest.param({"steps": 0}, "^steps=0 must be at least 1", id="budget"),
         pytest.param({"seed": -1}, "^seed=-1 must be at least 0", id="seed"),
         pytest.param({"eval_episodes": 0}, "^eval_episodes=0 must be at least 1", id="evaluation"),
         pytest.param({"stop_at": 3.0}, r"^stop_at=3 is compared with evaluations; give eval_every too", id="stop_at alone"),

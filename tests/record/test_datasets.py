@@ -1,3 +1,5 @@
+import errno
+
 import numpy as np
 import pytest
 
@@ -24,3 +26,16 @@ def test_minari_there_and_back(recording, tmp_path, monkeypatch):
         read_minari("hopper/test-v0", derive_spec("InvertedPendulum-v5"))
     both, ledger = load_experience([str(recording), "minari:hopper/test-v0"], None, spec)
     assert len(both) == 2 * len(there) == sum(entry["steps"] for entry in ledger)
+
+
+def test_an_export_that_fails_leaves_no_dataset_that_takes_the_name(recording, tmp_path, monkeypatch):
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+
+    def fail(*_):
+        raise OSError(errno.ENOSPC, "no space")
+
+    with monkeypatch.context() as broken:
+        broken.setattr("minari.dataset.minari_storage.MinariStorage.update_metadata", fail)
+        with pytest.raises(RecordingError, match=r"cannot write .* no space; choose another"):
+            export_minari([recording], "hopper/test-v0")
+    assert export_minari([recording], "hopper/test-v0") > 0

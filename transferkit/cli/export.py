@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.answer import Answer, parser
+from transferkit.cli.answer import Answer, parser, whole
+from transferkit.config.checks import NOT_NEGATIVE
 from transferkit.errors import ConfigError
 from transferkit.files import check_new
 
@@ -15,16 +16,18 @@ def main(arguments: Sequence[str]) -> Answer:
     flags = parser("export", "Write a run's policy or a core as one ONNX file, or recordings as a local Minari dataset.")
     flags.add_argument("names", nargs="+", metavar="RUN|CORE|FILE.mcap", help="one policy, or recordings with --minari")
     flags.add_argument("--env", help="wrap a core onto this environment, untrained")
-    flags.add_argument("--member", type=int, help="which of a core's source seeds, by default 0")
+    flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
     target.add_argument("--minari", metavar="DATASET", help="such as hopper/mine-v0")
     options = flags.parse_args(arguments)
-    if options.minari:
+    if options.minari is not None:
         return _minari(options.names, options.minari)
     if len(options.names) > 1:
         raise ConfigError(f"{len(options.names)} policies do not fit into one file", remedy="export them one by one")
-    check_new(options.out, "out")
+    if options.names[0].endswith(".mcap"):
+        raise ConfigError(f"{options.names[0]} is a recording and not a policy", remedy="write it as a dataset with {minari}")
+    check_new(options.out, "out", ".onnx")
     return _onnx(options.names[0], options.out, options.env, options.member)
 
 

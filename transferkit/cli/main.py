@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
+import io
 import os
 import sys
 import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from transferkit.cli.answer import JSON_FLAG
+from transferkit.cli.answer import JSON_FLAG, Parser
 from transferkit.cli.wording import worded
-from transferkit.errors import InterruptedRunError, TransferkitError, UnknownNameError
+from transferkit.errors import ConfigError, InterruptedRunError, TransferkitError, UnknownNameError
 
 if TYPE_CHECKING:
     from transferkit.cli.answer import Answer
@@ -43,36 +45,61 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, 2 after a mistake, 130 after Ctrl-C."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch is imported; more threads slow small networks down
     threading.excepthook = _one_line
-    arguments = list(sys.argv[1:] if argv is None else argv)
+    _mend_streams()
+    given = list(sys.argv[1:] if argv is None else argv)
+    arguments = [argument for argument in given if argument != JSON_FLAG]
+    try:
+        try:
+            return _run(arguments, as_json=len(arguments) < len(given))
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:  # `| head` has read enough
+        return _drop_output(BROKEN_PIPE)
+    except KeyboardInterrupt:
+        return _say(f"stopped at once{KEPT.get(arguments[0], '')}", INTERRUPTED)
+    except TransferkitError as error:
+        return _say(worded(error), INTERRUPTED if isinstance(error, InterruptedRunError) else USER_ERROR)
+    except OSError as error:  # perhaps of the output
+        return _drop_output(_say(worded(error), USER_ERROR))
+
+
+def _run(arguments: Sequence[str], *, as_json: bool) -> int:
+    for argument in arguments:
+        if not argument.isascii() and argument.encode(errors="replace").decode() != argument:
+            raise ConfigError(f"this locale cannot read the argument {argument!r}", remedy="set PYTHONUTF8=1, or use ASCII")
     parser = _parser()
     if not arguments:
         parser.print_help()
         return USER_ERROR
     name = parser.parse_args(arguments[:1]).command
-    try:
-        return _run(name, arguments[1:])
-    except BrokenPipeError:  # `| head` has read enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return BROKEN_PIPE
-    except KeyboardInterrupt:
-        return _say(f"stopped at once{KEPT.get(name, '')}", INTERRUPTED)
-    except (TransferkitError, OSError) as error:
-        return _say(worded(error), INTERRUPTED if isinstance(error, InterruptedRunError) else USER_ERROR)
-
-
-def _run(name: str, arguments: Sequence[str]) -> int:
     if name not in COMMANDS:
         raise UnknownNameError("command", name, list(COMMANDS), topic="commands")
-    command = importlib.import_module(f"transferkit.cli.{name}")
-    answer: Answer = command.main([argument for argument in arguments if argument != JSON_FLAG])
-    answer.show(as_json=JSON_FLAG in arguments)
-    sys.stdout.flush()
+    answer: Answer = importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:])
+    answer.show(as_json=as_json)
     return answer.code
 
 
-def _parser() -> argparse.ArgumentParser:
+def _mend_streams() -> None:
+    """Open a stream that the caller has closed (`>&-`), so that no file gets its number; write what the locale cannot hold."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            os.dup2(os.open(os.devnull, os.O_RDWR), number)
+            os.set_inheritable(number, True)
+            setattr(sys, name, open(number, "w" if number else "r"))  # noqa: SIM115 - until the end
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _drop_output(code: int) -> int:
+    """Let Python flush what is left of the output, which cannot be written, into nothing."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code
+
+
+def _parser() -> Parser:
     lines = "\n".join(f"  {name:<11} {text}" for name, text in COMMANDS.items())
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         "transferkit",
         description="Wrap a trained policy core onto another environment, train it there, prove that it helped.",
         epilog=f"commands:\n{lines}\n\n`transferkit COMMAND --help` explains each; every command takes {JSON_FLAG}.",
@@ -83,7 +110,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _say(text: str, code: int) -> int:
-    print(f"transferkit: {text}", file=sys.stderr)
+    with contextlib.suppress(OSError):
+        print(f"transferkit: {text}", file=sys.stderr)
     return code
 
 

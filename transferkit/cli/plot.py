@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.answer import Answer, parser
+from transferkit.cli.answer import Answer, parser, whole
+from transferkit.config.checks import NOT_NEGATIVE
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -16,7 +17,7 @@ def main(arguments: Sequence[str]) -> Answer:
     )
     flags.add_argument("run", metavar="RUN|FILE.mcap", type=Path, help="run directory, finished or not, or a recording")
     flags.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png or FILE.png")
-    flags.add_argument("--episode", type=int, default=0, help="of a recording")
+    flags.add_argument("--episode", type=whole("episode", NOT_NEGATIVE), default=0, help="of a recording")
     options = flags.parse_args(arguments)
     from transferkit.plots import draw_recording, draw_run  # noqa: PLC0415 - matplotlib takes a second to import
 

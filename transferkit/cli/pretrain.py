@@ -8,9 +8,9 @@ from typing import Annotated
 import tyro
 
 from transferkit.cli.answer import Answer
-from transferkit.cli.flags import defaults, parse
+from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.cli.zoo import summary
-from transferkit.config import TrainConfig
+from transferkit.config import TrainConfig, check_read
 from transferkit.pretrain import Recipe, pretrain
 
 
@@ -32,7 +32,8 @@ def main(arguments: Sequence[str]) -> Answer:
         """
         return recipe, config
 
-    recipe, config = parse(command, "transferkit pretrain", arguments)
+    recipe, config = parse(command, "transferkit pretrain", arguments, list(Recipe.__dataclass_fields__))
+    check_read(config, settings_in(arguments))
     line = summary(pretrain(recipe, config))
     text = f"{recipe.zoo / recipe.id}: score {line['score_mean']:.1f}, {line['members']} members"
     return Answer(line, text)

@@ -7,7 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from transferkit.cli.answer import Answer, parser
+from transferkit.cli.answer import Answer, parser, whole
+from transferkit.config.checks import NOT_NEGATIVE
 from transferkit.table import format_table
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str]) -> Answer:
         "InvertedDoublePendulum-v5 for 200 episodes, beside the same budget from scratch.",
     )
     flags.add_argument("--out", type=Path, default=Path("runs/quickstart"), help="folder of the runs and the picture")
-    flags.add_argument("--seed", type=int, default=0)
+    flags.add_argument("--seed", type=whole("seed", NOT_NEGATIVE), default=0)
     options = flags.parse_args(arguments)
     from transferkit.cli.progress import progress  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.quickstart import quickstart  # noqa: PLC0415

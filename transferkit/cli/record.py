@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.answer import Answer, parser
+from transferkit.cli.answer import Answer, parser, whole
+from transferkit.config.checks import EPISODES, NOT_NEGATIVE
 from transferkit.files import check_new
 from transferkit.table import format_table
 
@@ -15,12 +16,14 @@ def main(arguments: Sequence[str]) -> Answer:
     flags = parser("record", "Play a run's final policy or a core, and write what happens as an MCAP file.")
     flags.add_argument("name", metavar="RUN|CORE", help="directory of a finished run, or a core's id or folder")
     flags.add_argument("--env", help="environment to play in; a core takes any, and is wrapped onto it untrained")
-    flags.add_argument("--member", type=int, help="which of a core's source seeds, by default 0")
-    flags.add_argument("--episodes", type=int, default=1)
-    flags.add_argument("--seed", type=int, default=0, help="of the episodes' starts; 0 is the one training reports")
+    flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
+    flags.add_argument("--episodes", type=whole("episodes", EPISODES), default=1)
+    flags.add_argument(
+        "--seed", type=whole("seed", NOT_NEGATIVE), default=0, help="of the episodes' starts; 0 is the one training reports"
+    )
     flags.add_argument("--out", type=Path, required=True, metavar="FILE.mcap")
     options = flags.parse_args(arguments)
-    check_new(options.out, "out")
+    check_new(options.out, "out", ".mcap")
     from transferkit.record.play import record_episodes  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.subject import load_subject  # noqa: PLC0415
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.files import check_new
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -18,7 +17,6 @@ def main(arguments: Sequence[str]) -> Answer:
     from transferkit.record.recover import recover  # noqa: PLC0415 - torch takes seconds to import
 
     out = options.out or options.file.with_suffix(".recovered.mcap")
-    check_new(out, "out")
     messages, cut = recover(options.file, out)
     text = f"{out}: {messages} messages; {options.file} was {'cut' if cut else 'whole'}"
     return Answer({"recording": str(out), "messages": messages, "cut": cut}, text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,8 +12,8 @@ import tyro
 
 from transferkit.budget import Budget
 from transferkit.cli.answer import Answer
-from transferkit.cli.flags import defaults, parse
-from transferkit.config import TrainConfig
+from transferkit.cli.flags import defaults, parse, settings_in
+from transferkit.config import TrainConfig, check_read
 from transferkit.errors import SettingError
 from transferkit.table import format_table
 
@@ -45,16 +46,17 @@ def main(arguments: Sequence[str]) -> Answer:
         """
         return _Request(config, out, resume, _every(record))
 
-    return _train(parse(command, "transferkit train", arguments))
+    request = parse(command, "transferkit train", arguments, ("out", "resume", "record"))
+    check_read(request.config, settings_in(arguments))
+    return _train(request)
 
 
 def _every(record: str | None) -> int:
     if record is None:
         return 0
-    name, _, number = record.partition("=")
-    if name != "every" or not number.isdigit() or not int(number):
+    if not re.fullmatch(r"every=0*[1-9][0-9]{0,17}", record):
         raise SettingError("record", value=record, allowed="every=N with a whole number above 0")
-    return int(number)
+    return int(record.removeprefix("every="))
 
 
 def _train(request: _Request) -> Answer:

@@ -29,5 +29,6 @@ def flag(name: str, value: str | None) -> str:
 def worded(error: Exception) -> str:
     """Put an error into one line."""
     if not isinstance(error, TransferkitError):
-        return str(error)
+        parts = (error.filename, error.strerror) if isinstance(error, OSError) and error.strerror else (error,)
+        return ": ".join(str(part) for part in parts if part)
     return error.worded(flag, MORE.get(error.topic, ""))

@@ -6,7 +6,7 @@ from transferkit.config.migrate import migrated_blueprint
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
 from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, Preset, preset_family, preset_version
-from transferkit.config.train import TrainConfig, identity, overrides, with_settings
+from transferkit.config.train import TrainConfig, check_read, identity, overrides, with_settings
 from transferkit.config.wrap import WrapConfig
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Preset",
     "TrainConfig",
     "WrapConfig",
+    "check_read",
     "identity",
     "migrated_blueprint",
     "overrides",

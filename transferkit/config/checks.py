@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import math
 import types
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from transferkit.errors import SettingError, did_you_mean
+from transferkit.errors import ConfigError, SettingError, did_you_mean
 
 
 @dataclass(frozen=True)
@@ -26,56 +26,101 @@ class Range:
     def __contains__(self, number: float) -> bool:
         above = self.low < number if self.open_low else self.low <= number
         below = number < self.high if self.open_high else number <= self.high
-        return above and below and math.isfinite(number)
+        return above and below and abs(number) < math.inf
 
     def __str__(self) -> str:
-        low = f"{'above' if self.open_low else 'at least'} {self.low:g}"
-        high = f"{'below' if self.open_high else 'at most'} {self.high:g}"
+        low = f"{'above' if self.open_low else 'at least'} {self.low:,}"
+        high = f"{'below' if self.open_high else 'at most'} {self.high:,}"
         return low if math.isinf(self.high) else high if math.isinf(self.low) else f"{low} and {high}"
+
+
+@dataclass(frozen=True)
+class Items:
+    """The lengths that a list may have, as `Annotated` metadata."""
+
+    most: int
+
+    def __contains__(self, items: Sized) -> bool:
+        return 1 <= len(items) <= self.most
+
+    def __str__(self) -> str:
+        return f"at least one number and at most {self.most:,}"
 
 
 AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE = Range(1), Range(0), Range(0, open_low=True)
 SHARE, RATE = Range(0, 1), Range(0, 1, open_low=True)
+EPISODES = Range(1, 1_000_000)
+"""Episodes of an evaluation or a recording."""
+WIDTH, BATCH, MEMBERS = Range(1, 8192), Range(1, 65_536), Range(1, 64)
+"""Sizes of what is allocated: a slip of the finger is refused, and does not fill the memory."""
+
+Seed = Annotated[int, NOT_NEGATIVE]
+"""Seed of random streams."""
+
+Hidden = Annotated[tuple[Annotated[int, WIDTH], ...], Items(16)]
+"""Hidden layers of a network."""
+
+LARGEST = 2**63 - 1
+"""Whole numbers beyond it are none that numpy, torch or a file could hold."""
 
 
-def check(config: object, section: str = "", *, not_empty: str = "") -> None:
-    """Check every field of a configuration against its annotation; the field `not_empty` needs at least one item.
+def check(config: object, section: str = "") -> None:
+    """Check every field of a configuration against its annotation.
 
     Raises:
         SettingError: a value has another type, is not among the choices, or is out of its range.
     """
-    if not_empty and getattr(config, not_empty) == ():
-        raise SettingError(f"{section}.{not_empty}", value=(), allowed="at least one number")
     for name, hint in _hints(type(config)).items():
-        value, setting = getattr(config, name), f"{section}.{name}" if section else name
-        if wanted := _unfit(value, hint):
-            raise SettingError(setting, value=value, allowed=wanted)
+        check_value(f"{section}.{name}" if section else name, getattr(config, name), hint)
 
 
-def _unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any object
+def check_value(name: str, value: object, hint: Any) -> None:  # noqa: ANN401 - a type hint is any object
+    """Check one value against a type hint.
+
+    Raises:
+        SettingError: it does not fit.
+    """
+    if wanted := unfit(value, hint):
+        raise SettingError(name, value=value, allowed=wanted)
+
+
+def check_kind(name: str, value: object, kind: type, remedy: str) -> None:
+    """Check the type of what a function of the public interface is given.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    if not isinstance(value, kind):
+        raise ConfigError(f"{name} is of type {type(value).__name__} and not {kind.__name__}", remedy=remedy)
+
+
+def unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any object
     """What a value must be instead; empty if it fits its type hint."""
     kind, arguments = get_origin(hint), get_args(hint)
     if kind in (Union, types.UnionType):
-        return "" if any(not _unfit(value, one) for one in arguments) else _unfit(value, arguments[0])
+        return "" if any(not unfit(value, one) for one in arguments) else unfit(value, arguments[0])
     if kind is Annotated:
-        return _unfit(value, arguments[0]) or _out_of_range(value, arguments[1])
+        return unfit(value, arguments[0]) or ("" if value in arguments[1] else str(arguments[1]))
     if kind is Literal:
         return "" if value in arguments else _choice(value, arguments)
     if kind is tuple:
-        reasons = [_unfit(item, arguments[0]) for item in (value if isinstance(value, tuple) else [None])]
+        reasons = [unfit(item, arguments[0]) for item in (value if isinstance(value, tuple) else [None])]
         return next((f"a list, each item {reason}" for reason in reasons if reason), "")
     if kind is not None:
         return "" if isinstance(value, kind) else "a table of names and values"
-    allowed = (int, float) if hint is float else hint
-    return "" if isinstance(value, allowed) and (hint is bool or not isinstance(value, bool)) else WORDS.get(hint, str(hint))
+    return _unfit_plain(value, hint)
 
 
 WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a string", type(None): "none"}
 
 
-def _out_of_range(value: object, allowed: object) -> str:
-    fits = not isinstance(allowed, Range) or not isinstance(value, int | float) or value in allowed
-    return "" if fits else str(allowed)
+def _unfit_plain(value: object, kind: type) -> str:
+    allowed = (int, float) if kind is float else kind
+    if not isinstance(value, allowed) or (isinstance(value, bool) and kind is not bool):
+        return WORDS.get(kind, str(kind))
+    if isinstance(value, int):
+        return "" if abs(value) <= LARGEST else f"at most {LARGEST:,}"
+    return "a finite number" if isinstance(value, float) and not math.isfinite(value) else ""
 
 
 def _choice(value: object, choices: tuple[object, ...]) -> str:

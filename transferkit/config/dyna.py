@@ -6,7 +6,21 @@ import math
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from transferkit.config.checks import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RATE, SHARE, Range, check
+from transferkit.config.checks import (
+    AT_LEAST_ONE,
+    BATCH,
+    MEMBERS,
+    NOT_NEGATIVE,
+    POSITIVE,
+    RATE,
+    SHARE,
+    Hidden,
+    Range,
+    check,
+)
+
+HORIZON, BUFFER = Range(1, 1000), Range(1, 100_000_000)
+"""Imagined steps, and transitions in memory; the buffer grows as it fills."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +29,7 @@ class DynaConfig:
 
     layer_norm: bool = True
     """Normalise the critics' layers (Hiraoka et al. 2022: what makes many updates a step stable)."""
-    critics: Annotated[int, AT_LEAST_ONE] = 2
+    critics: Annotated[int, MEMBERS] = 2
     """Critics whose least value is the target (Fujimoto et al. 2018)."""
     actor_learning_rate: Annotated[float, RATE] = 3e-4
     """Adam step size; parts of a wrapped policy scale it."""
@@ -32,9 +46,9 @@ class DynaConfig:
     tau: Annotated[float, RATE] = 0.1
     """Share of the networks that the target networks take over after each environment step, so that the targets of a step are
     computed at once; 0.02 an update, while Fujimoto et al. 2018 take 0.005: normalised critics bear it."""
-    batch_size: Annotated[int, AT_LEAST_ONE] = 128
+    batch_size: Annotated[int, BATCH] = 128
     """Transitions per update."""
-    updates_per_step: Annotated[int, AT_LEAST_ONE] = 5
+    updates_per_step: Annotated[int, Range(1, 1000)] = 5
     """Critic updates per environment step (Chen et al. 2021 take 20)."""
     actor_every: Annotated[int, AT_LEAST_ONE] = 2
     """Critic updates per actor update (Fujimoto et al. 2018)."""
@@ -55,7 +69,7 @@ class DynaConfig:
     run that meets no reward has nothing else to learn from (Sekar et al. 2020). 0 for never."""
     overrun_steps: Annotated[int, NOT_NEGATIVE] = 0
     """First steps in which an ended episode goes on (the paper's code)."""
-    buffer_size: Annotated[int, AT_LEAST_ONE] = 1_000_000
+    buffer_size: Annotated[int, BUFFER] = 1_000_000
     """Transitions remembered."""
     reward_scale: float = 0.1
     """Factor of rewards in the critics."""
@@ -66,7 +80,7 @@ class DynaConfig:
     """Fit the model even if nothing needs it; `pretrain` does, for the core's `dynamics` component."""
     mix_batches: bool = True
     """Mix real and imagined transitions, or put the imagined ones into the last batches of a step (the paper)."""
-    horizon: Annotated[int, AT_LEAST_ONE] = 1
+    horizon: Annotated[int, HORIZON] = 1
     """Steps of an imagined rollout (Janner et al. 2019)."""
     keep_share: Annotated[float, RATE] = 0.8
     """Share of the imagined transitions that is kept: those on which the members agree best."""
@@ -91,9 +105,9 @@ class DynaConfig:
 class ModelConfig:
     """An ensemble that predicts observations, rewards and terminations (Chua et al. 2018), for DYNA-DDPG and DYNA-PPO."""
 
-    members: Annotated[int, AT_LEAST_ONE] = 5
+    members: Annotated[int, MEMBERS] = 5
     """Networks of the ensemble."""
-    hidden: tuple[Annotated[int, AT_LEAST_ONE], ...] = (128, 128)
+    hidden: Hidden = (128, 128)
     """Hidden layers of each."""
     layer_norm: bool = True
     """Normalise the hidden layers."""
@@ -103,7 +117,7 @@ class ModelConfig:
     """Environment steps between fits (Janner et al. 2019)."""
     updates: Annotated[int, AT_LEAST_ONE] = 250
     """Most batches per fit."""
-    batch_size: Annotated[int, AT_LEAST_ONE] = 256
+    batch_size: Annotated[int, BATCH] = 256
     """Transitions per batch and member."""
     loss: Literal["likelihood", "squared-error"] = "likelihood"
     """Gaussian with learnt variance, reward and termination; or the next observation alone (the paper)."""
@@ -113,20 +127,20 @@ class ModelConfig:
     """Predict in units of the targets' own deviations."""
 
     def __post_init__(self) -> None:
-        check(self, "model", not_empty="hidden")
+        check(self, "model")
 
 
 @dataclass(frozen=True)
 class DynaPPOConfig:
     """PPO on imagined rollouts; the settings of PPO and of the model hold too."""
 
-    rollouts: Annotated[int, AT_LEAST_ONE] = 64
+    rollouts: Annotated[int, BATCH] = 64
     """Imagined rollouts side by side, in place of PPO's environments."""
-    horizon: Annotated[int, AT_LEAST_ONE] = 16
+    horizon: Annotated[int, HORIZON] = 16
     """Steps of an imagined rollout; the critic values what comes after it."""
     updates: Annotated[int, AT_LEAST_ONE] = 10
     """Rollouts and updates after each fit of the model."""
-    buffer_size: Annotated[int, AT_LEAST_ONE] = 1_000_000
+    buffer_size: Annotated[int, BUFFER] = 1_000_000
     """Transitions remembered, to which the model is fitted."""
 
     def __post_init__(self) -> None:

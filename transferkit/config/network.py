@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check
+from transferkit.config.checks import POSITIVE, Hidden, check
 
 Activation = Literal["tanh", "relu", "elu"]
 
@@ -14,7 +14,7 @@ Activation = Literal["tanh", "relu", "elu"]
 class NetworkConfig:
     """A policy network without a core; critics take its hidden layers too."""
 
-    hidden: tuple[Annotated[int, AT_LEAST_ONE], ...] = (64, 64)
+    hidden: Hidden = (64, 64)
     """Hidden layers of the policy that is trained from scratch, and of the critics."""
     activation: Activation = "tanh"
     """Activation of the policy and of PPO's critic; other critics and models take rectified units."""
@@ -30,4 +30,4 @@ class NetworkConfig:
     """Keep a running mean and variance of observations inside the policy."""
 
     def __post_init__(self) -> None:
-        check(self, "network", not_empty="hidden")
+        check(self, "network")

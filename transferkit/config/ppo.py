@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from transferkit.config.checks import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, RATE, SHARE, Range, check
+from transferkit.config.checks import AT_LEAST_ONE, BATCH, NOT_NEGATIVE, POSITIVE, RATE, SHARE, Range, check
 from transferkit.errors import SettingError
 
 ADAPTIVE_RATES = Range(1e-5, 1e-2)
@@ -16,16 +16,16 @@ ADAPTIVE_RATES = Range(1e-5, 1e-2)
 class PPOConfig:
     """Proximal policy optimisation (Schulman et al. 2017); defaults tuned on Gymnasium's MuJoCo tasks and cart-poles."""
 
-    num_envs: Annotated[int, AT_LEAST_ONE] = 4
+    num_envs: Annotated[int, Range(1, 1024)] = 4
     """Environments stepped side by side."""
     rollout: Literal["adaptive", "steps", "episode"] = "adaptive"
     """Update after `rollout_steps`, after every episode (the paper), or, adaptive, after `rollout_steps` in which an episode
     has ended, waiting for that no longer than 2048 steps or a twentieth of the budget."""
-    rollout_steps: Annotated[int, AT_LEAST_ONE] = 128
+    rollout_steps: Annotated[int, Range(1, 1_000_000)] = 128
     """Environment steps per update, over all environments together; the least of an adaptive rollout."""
     epochs: Annotated[int, AT_LEAST_ONE] = 10
     """Passes over a rollout."""
-    batch_size: Annotated[int, AT_LEAST_ONE] = 64
+    batch_size: Annotated[int, BATCH] = 64
     """Samples per gradient step; the least of an adaptive rollout, which is cut evenly into at most 8 minibatches."""
     shuffle: bool = True
     """Draw minibatches at random; False takes them in the order of time."""

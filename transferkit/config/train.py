@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Annotated, Any, get_args
 
-from transferkit.config.checks import AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE, check
+from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE, POSITIVE, Seed, check, check_value
 from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
 from transferkit.config.env import EnvConfig
 from transferkit.config.migrate import migrated
@@ -33,6 +33,9 @@ DETERMINED_BY = (
 )
 """Fields besides the settings that determine a run's numbers."""
 
+BEGINNING = tuple(f"network.{name}" for name in ("std", "init_std", "squash", "normalize_observation"))
+"""Settings that make a policy from scratch and that nothing else reads."""
+
 
 @dataclass(frozen=True)
 class TrainConfig:
@@ -48,15 +51,15 @@ class TrainConfig:
     """Trainer."""
     preset: str = "default"
     """Settings to start from: `default`, `paper`, or one version of them, such as `default-v1`."""
-    seed: Annotated[int, NOT_NEGATIVE] = 0
+    seed: Seed = 0
     """Seed of every random stream."""
-    episodes: int | None = None
+    episodes: Annotated[int, AT_LEAST_ONE] | None = None
     """Budget in completed episodes."""
-    steps: int | None = None
+    steps: Annotated[int, AT_LEAST_ONE] | None = None
     """Budget in environment steps."""
-    seconds: float | None = None
+    seconds: Annotated[float, POSITIVE] | None = None
     """Budget in seconds of training."""
-    eval_episodes: Annotated[int, AT_LEAST_ONE] = 20
+    eval_episodes: Annotated[int, EPISODES] = 20
     """Episodes of an evaluation."""
     eval_every: Annotated[int, NOT_NEGATIVE] = 0
     """Environment steps between evaluations, the first before any training; 0 evaluates at the end only."""
@@ -86,6 +89,8 @@ class TrainConfig:
     """The sandwich's settings."""
 
     def __post_init__(self) -> None:
+        check_value("algo", self.algo, str)
+        check_value("preset", self.preset, str)
         if self.algo not in PRESETS:
             raise UnknownNameError("trainer", self.algo, get_args(Algorithm))
         version = preset_version(self.algo, self.preset)
@@ -154,6 +159,33 @@ def with_settings(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConf
     return replace(config, **{section: replace(getattr(config, section), **own) for section, own in changed.items()})
 
 
+def check_read(config: TrainConfig, names: Iterable[str], *, ready: bool = False) -> None:
+    """Refuse settings, by dotted name, that the run does not read: of another trainer, or of another way to make the policy.
+
+    Args:
+        config: the run.
+        names: the settings that were given.
+        ready: whether the policy is made already.
+
+    Raises:
+        ConfigError: a setting has no effect.
+    """
+    if config.member and config.core is None:
+        raise ConfigError(f"{{member={config.member}}} has no effect without a core", remedy="give {core}, or leave it out")
+    for name in names:
+        section, _, key = name.partition(".")
+        if section not in USED[config.algo]:
+            others = [f"{{{own}.{key}}}" for own in USED[config.algo] if key in getattr(config, own).__dataclass_fields__]
+            remedy = f"did you mean {' or '.join(others)}?" if others else "leave it out"
+            raise ConfigError(f"{{{name}}} is not a setting of {config.algo}", remedy=remedy)
+        if ready and (section == "wrap" or name in BEGINNING):
+            raise ConfigError(f"{{{name}}} has no effect on a policy that is made", remedy="give it where the policy is made")
+        if section == "wrap" and config.core is None:
+            raise ConfigError(f"{{{name}}} has no effect without a core", remedy="give {core}, or leave it out")
+        if name in BEGINNING and config.core is not None:
+            raise ConfigError(f"{{{name}}} has no effect on a core", remedy="leave it out, or leave out {core}")
+
+
 def _section(name: str, data: Mapping[str, Any]) -> Any:  # noqa: ANN401 - one of the sections
     return type(getattr(PRESETS["ppo"]["default-v2"], name))(**_tuples(data))
 
@@ -167,9 +199,6 @@ def _listed(value: object) -> object:
 
 
 def _check_combinations(config: TrainConfig) -> None:
-    for name, limit in (("episodes", config.episodes), ("steps", config.steps), ("seconds", config.seconds)):
-        if limit is not None and limit not in POSITIVE:
-            raise SettingError(name, value=limit, allowed=str(POSITIVE))
     if config.stop_at is not None and not config.eval_every:
         raise ConfigError(f"{{stop_at={config.stop_at:g}}} is compared with evaluations", remedy="give {eval_every} too")
     if config.experience and config.algo != "dyna-ddpg":

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
-from transferkit.config.checks import NOT_NEGATIVE, POSITIVE, SHARE, check
-from transferkit.errors import SettingError
-
-if TYPE_CHECKING:
-    from transferkit.config.checks import Range
-
+from transferkit.config.checks import POSITIVE, SHARE, WIDTH, Range, check, check_value
 
 Tap = Literal["features", "action"]
 Adapter = Literal["auto", "semantic", "random", "pad"]
@@ -30,7 +25,7 @@ class WrapConfig:
     missing; auto is semantic if anything matches, else random."""
     finetune: bool = True
     """Put square residual layers beside the core, the identity until trained."""
-    residual: Annotated[int, NOT_NEGATIVE] = 64
+    residual: Annotated[int, Range(0, WIDTH.high)] = 64
     """Width of a side network from the observation straight to the action, zero at the start (Rusu et al. 2016); 0 for none. A
     core sees no more elements than its source had: without a way around it, larger robots are hardly learnt."""
     init_std: Annotated[float, POSITIVE] = 0.6
@@ -49,13 +44,8 @@ class WrapConfig:
     def __post_init__(self) -> None:
         check(self, "wrap")
         for name, allowed in (("freeze", SHARE), ("lr_scale", POSITIVE)):
-            _check_numbers(f"wrap.{name}", getattr(self, name), allowed)
-
-
-def _check_numbers(setting: str, values: Mapping[str, float], allowed: Range) -> None:
-    for part, value in values.items():
-        if not isinstance(value, int | float) or value not in allowed:
-            raise SettingError(f"{setting}.{part}", value=value, allowed=str(allowed))
+            for part, value in getattr(self, name).items():
+                check_value(f"wrap.{name}.{part}", value, Annotated[float, allowed])
 
 
 PAPER_WRAP = WrapConfig(structure="paper", tap="action", adapter="random", residual=0, lr_scale={"core": 1 / 3})

@@ -11,13 +11,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from transferkit.config.checks import check_kind
 from transferkit.envs import make_env, rollout
 from transferkit.nn import MLP, gaussian
+from transferkit.policy.base import Policy
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
     from transferkit.envs import Actor
-    from transferkit.policy.base import Policy
 
 DEAD = 1e-6
 """Least spread of a unit that counts as alive."""
@@ -68,7 +69,12 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
         env: an id or an environment; its state is lost.
         steps: observations to collect of either play.
         seed: of the play and of the sampled actions.
+
+    Raises:
+        ConfigError: no policy, or one of other dimensions.
     """
+    check_kind("policy", policy, Policy, "make one with wrap or scratch_policy")
+    policy.check_fits(make_env(env))
     device = next(policy.parameters()).device
     observation = torch.from_numpy(play(env, steps, seed)).to(device)
     outputs: list[torch.Tensor] = []

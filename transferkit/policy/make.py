@@ -10,11 +10,12 @@ import gymnasium
 import torch
 
 from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_version
+from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec, dims, make_env
 from transferkit.errors import DimensionError, UnknownNameError
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
-from transferkit.policy.core import Origin
+from transferkit.policy.core import Core, Origin
 from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
@@ -24,7 +25,6 @@ from transferkit.streams import Streams
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.policy.base import Policy
-    from transferkit.policy.core import Core
 
 SEEDED = ("input_adapter", "output_adapter", "residual")
 """Parts that draw their first weights, each from a stream of its own."""
@@ -53,9 +53,12 @@ def wrap(
 
     Raises:
         UnknownNameError: an unknown option or preset, or a part that does not exist.
-        ConfigError: a value out of its range, or `adapter="semantic"` if nothing matches.
+        ConfigError: something else than a core, a value out of its range, or `adapter="semantic"` if nothing matches.
         DimensionError: the core's card and its weights, or the paper's sandwich and the core, do not fit.
     """
+    check_kind("core", core, Core, "get it from load_core")
+    if config is not None:
+        check_kind("config", config, WrapConfig, "give single options by name instead, such as tap='action'")
     config = _configure(config or PRESETS["ppo"][preset_version("ppo", preset)].wrap, options)
     target = env if isinstance(env, IOSpec) else derive_spec(env)
     source = core.spec
@@ -87,11 +90,13 @@ def scratch_policy(env: str | gymnasium.Env, network: NetworkConfig | None = Non
         UnknownNameError: no environment has this id.
         EnvironmentContractError: the environment's spaces do not fit.
     """
+    network = NetworkConfig() if network is None else network
+    check_kind("network", network, NetworkConfig, "make one, such as NetworkConfig(hidden=(64, 64))")
     made = make_env(env)
     obs_dim, act_dim = dims(made)
     if isinstance(env, str):
         made.close()
-    return _scratch(obs_dim, act_dim, network or NetworkConfig(), Streams(seed).torch("policy initialisation"))
+    return _scratch(obs_dim, act_dim, network, Streams(seed).torch("policy initialisation"))
 
 
 def _scratch(obs_dim: int, act_dim: int, config: NetworkConfig, generator: torch.Generator) -> ScratchPolicy:

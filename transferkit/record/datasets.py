@@ -5,8 +5,10 @@ from __future__ import annotations
 import importlib
 import logging
 import re
+import shutil
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -34,7 +36,7 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
         RecordingError: Minari is not installed, the dataset exists or has no version in its name, or the recordings do not
             fit together.
     """
-    if not re.search(r"-v\d+$", dataset):  # Minari fails after it has made the folder
+    if not re.fullmatch(r"(\w[\w-]*/)*\w[\w-]*-v\d{1,9}", dataset, re.ASCII):  # Minari fails after it has made the folder
         raise RecordingError("Minari dataset", value=dataset, allowed="a name with a version, such as hopper/mine-v0")
     minari = _minari()
     spec = spec_of(read(paths[0], about_only=True), paths[0])
@@ -42,7 +44,7 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
     if not buffers:
         raise RecordingError(f"{paths[0]} holds no whole episode", remedy="record it again", topic="recordings")
     try:
-        with warnings.catch_warnings():
+        with _new(dataset), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # one for every piece of metadata that a user may add
             minari.create_dataset_from_buffers(
                 dataset,
@@ -51,11 +53,23 @@ def export_minari(paths: Sequence[Path], dataset: str) -> int:
                 action_space=Box(-1.0, 1.0, (spec.act_dim,), np.float32),
                 description=f"Recorded with transferkit in {spec.env_id}; actions are shares of the actuators' ranges.",
             )
-    except (ValueError, FileExistsError, AssertionError) as error:
-        raise RecordingError(
-            f"cannot write the Minari dataset {dataset}: {str(error).splitlines()[0]}", remedy="choose another {minari}"
-        ) from None
+    except (ValueError, OSError, AssertionError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise RecordingError(f"cannot write the Minari dataset {dataset}: {reason}", remedy="choose another {minari}") from None
     return sum(len(buffer.rewards) for buffer in buffers)
+
+
+@contextmanager
+def _new(dataset: str) -> Iterator[None]:
+    """If anything fails nothing of a dataset is left that would take its name."""
+    folder = importlib.import_module("minari.storage").get_dataset_path(dataset)
+    new = not folder.exists()
+    try:
+        yield
+    except BaseException:
+        if new:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def read_minari(dataset: str, spec: IOSpec) -> Transitions:

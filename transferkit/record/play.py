@@ -8,14 +8,15 @@ from contextlib import closing
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from transferkit.config.checks import EPISODES, Seed, check_kind, check_value
 from transferkit.envs import derive_spec, make_env, open_simulation, rollout
-from transferkit.errors import RecordingError, SettingError, TransferkitError
+from transferkit.errors import RecordingError, TransferkitError
 from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
 from transferkit.record.state import integration_state, named_parts, state_size
@@ -62,9 +63,9 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         RecordingError: the file exists, or the environment is not MuJoCo.
         NotFiniteError: a NaN in an observation, an action or a reward.
     """
-    for name, value, least in (("episodes", episodes, 1), ("seed", seed, 0)):
-        if value < least:
-            raise SettingError(name, value=value, allowed=f"at least {least}")
+    check_kind("subject", subject, Subject, "load it with load_subject")
+    check_value("episodes", episodes, Annotated[int, EPISODES])
+    check_value("seed", seed, Seed)
     rules = {"clip_actions": subject.clip_actions, "max_episode_steps": subject.max_episode_steps}
     env, spec = make_env(subject.env, **rules), derive_spec(subject.env)
     simulation = open_simulation(env)

@@ -10,7 +10,7 @@ from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.writer import CompressionType, Writer
 
 from transferkit.errors import RecordingError
-from transferkit.files import check_new, writing
+from transferkit.files import check_new, new_file
 from transferkit.record.mcap_file import Damage, records
 
 
@@ -18,25 +18,21 @@ def recover(path: Path, out: Path) -> tuple[int, bool]:
     """Copy every whole chunk of an MCAP file of any tool into a new file; returns its messages, and whether any was lost.
 
     Raises:
-        RecordingError: not an MCAP file, nothing whole in it, or `out` exists.
+        RecordingError: not an MCAP file, or nothing whole in it.
+        ConfigError: `out` exists, its name does not end in .mcap, or it cannot be written.
     """
-    check_new(out, "out")
+    check_new(out, "out", ".mcap")
     count, whole = 0, True
-    temporary = out.with_name(out.name + ".tmp")
-    try:
-        with writing(out), temporary.open("wb") as file:
-            writer = Writer(file, compression=CompressionType.ZSTD)
-            writer.start(library="transferkit")
-            copy = _Copy(writer)
-            for record in records(path):
-                whole = whole and not isinstance(record, Damage)
-                count += copy(record)
-            if not count:
-                raise RecordingError(f"{path} has no whole chunk, so nothing can be recovered")
-            writer.finish()
-        temporary.replace(out)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with new_file(out, "out") as temporary, temporary.open("wb") as file:
+        writer = Writer(file, compression=CompressionType.ZSTD)
+        writer.start(library="transferkit")
+        copy = _Copy(writer)
+        for record in records(path):
+            whole = whole and not isinstance(record, Damage)
+            count += copy(record)
+        if not count:
+            raise RecordingError(f"{path} has no whole chunk, so nothing can be recovered")
+        writer.finish()
     return count, not whole
 
 

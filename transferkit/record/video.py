@@ -10,33 +10,53 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import imageio_ffmpeg
 
+from transferkit.files import new_file
+
 if TYPE_CHECKING:
     from transferkit.record.replay import OnFrame
 
 FPS = 30.0
 """The most frames a second of simulated time."""
 
+OPTIONS: Any = {"macro_block_size": 2, "ffmpeg_log_level": "quiet", "output_params": ["-f", "mp4"]}
+"""Of ffmpeg, which writes into a file of another ending."""
+
 
 @contextmanager
 def video(path: Path, time_step: float) -> Iterator[OnFrame]:
-    """Make a function that adds a frame of an environment in render mode `rgb_array`, at most `FPS` a simulated second."""
+    """Make a function that adds a frame of an environment in render mode `rgb_array`, at most `FPS` a simulated second.
+
+    Raises:
+        ConfigError: the file cannot be written; nothing of it is left.
+    """
     every = max(1, round(1 / (FPS * time_step))) if time_step else 1
     fps: Any = 1 / (every * time_step) if time_step else FPS  # a float will do
-    writer, steps = None, 0
+    writer, steps, sent = None, 0, 0
 
     def add(env: gymnasium.Env) -> None:
-        nonlocal writer, steps
+        nonlocal writer, steps, sent
         if steps % every == 0:
             frame: Any = env.render()  # an array in this mode
             if writer is None:
-                size = frame.shape[1], frame.shape[0]
-                writer = imageio_ffmpeg.write_frames(str(path), size, fps=fps, macro_block_size=2)
+                writer = imageio_ffmpeg.write_frames(str(temporary), frame.shape[1::-1], fps=fps, **OPTIONS)
                 writer.send(None)
             writer.send(frame.tobytes())
+            sent += 1
         steps += 1
 
+    with new_file(path, "video") as temporary:
+        try:
+            yield add
+        finally:
+            if writer is not None:
+                writer.close()
+        if _frames(temporary) != sent:
+            raise OSError("ffmpeg could not write all of it; is the disk full?")
+
+
+def _frames(path: Path) -> int:
+    """Count the frames of a video; ffmpeg's end says nothing of a disk that was full."""
     try:
-        yield add
-    finally:
-        if writer is not None:
-            writer.close()
+        return imageio_ffmpeg.count_frames_and_secs(str(path))[0]
+    except RuntimeError:
+        return -1

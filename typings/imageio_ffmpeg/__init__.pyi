@@ -2,4 +2,13 @@
 
 from _typeshed import Incomplete
 
-def write_frames(path: str, size: tuple[int, int], *, fps: float, macro_block_size: int) -> Incomplete: ...
+def write_frames(
+    path: str,
+    size: tuple[int, int],
+    *,
+    fps: float,
+    macro_block_size: int,
+    ffmpeg_log_level: str,
+    output_params: list[str],
+) -> Incomplete: ...
+def count_frames_and_secs(path: str) -> tuple[int, float]: ...

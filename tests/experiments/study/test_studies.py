@@ -8,6 +8,7 @@ import pytest
 from experiments.matrix.cell import Cell
 from experiments.study.__main__ import check, main, write
 from experiments.study.figure import draw
+from experiments.study.readme import _markdown
 from experiments.study.rooms import STUDIES, Study, StudyError, find, names
 from transferkit.config import PRESETS
 
@@ -100,3 +101,7 @@ def test_a_figure_ends_at_the_numbers_of_the_table(tmp_path):
     assert two_poles.get_title() == "InvertedDoublePendulum-v5"
     ends = {line.get_label(): round(line.get_ydata()[-1]) for line in cart_pole.get_lines()}
     assert ends == {"core, anchor 0.1": 985, "scratch, anchor 0.1": 280, "core, no anchor": 771}
+
+
+def test_a_name_from_outside_stays_in_its_cell():
+    assert _markdown([["trainer", "n"], ["a|b\nc", "1"]]) == "| trainer | n |\n|---|---|\n| a\\|b c | 1 |\n"
