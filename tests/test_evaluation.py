@@ -17,7 +17,7 @@ def test_evaluation_episodes_depend_on_their_number_alone():
 
 
 def test_no_episode_is_no_evaluation():
-    with pytest.raises(SettingError, match=r"^episodes=0 must be at least 1$"):
+    with pytest.raises(SettingError, match=r"^episodes=0 must be at least 1 and at most 1,000,000$"):
         evaluate(ZeroPolicy(1), IDP, episodes=0)
 
 

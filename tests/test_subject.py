@@ -110,5 +110,5 @@ def test_an_unfinished_run_holds_no_policy(tmp_path):
     with pytest.raises(RunDirectoryError, match="holds no finished run; finish it with resume=True"):
         load_policy(tmp_path / "run")
     (tmp_path / "run/policy.safetensors").write_bytes(b"no tensors")
-    with pytest.raises(RunDirectoryError, match="cannot be read"):
+    with pytest.raises(RunDirectoryError, match="is damaged"):
         load_policy(tmp_path / "run")

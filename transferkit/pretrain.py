@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from transferkit import stats
-from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check - read at run time
+from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate

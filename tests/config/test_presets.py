@@ -10,12 +10,12 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "b32a5cb9f175078e",
-    "ppo default-v2": "ca992cd42359c249",
-    "ppo paper-v1": "ddccccfa25050c48",
-    "dyna-ddpg default-v1": "06f73dd2a0c34856",
-    "dyna-ddpg paper-v1": "7b872e10f70aa0ef",
-    "dyna-ppo default-v1": "b32a5cb9f175078e",
+    "ppo default-v1": "89502f141c10f531",
+    "ppo default-v2": "ead41d134cc6ca9d",
+    "ppo paper-v1": "a18becf088613b45",
+    "dyna-ddpg default-v1": "a8262fea6b724d66",
+    "dyna-ddpg paper-v1": "ba038464d3204b73",
+    "dyna-ppo default-v1": "89502f141c10f531",
 }
 
 

@@ -39,9 +39,9 @@ def test_steps_that_ended_by_time_are_left_out_because_the_next_message_is_anoth
         ('topic = "/command"', 'topic = "/cmd"', "has no topic /cmd"),
         ('"position.1"', '"position.7"', "topic /state has no field position.7"),
         ('fields = ["x"]', 'fields = ["x", "y"]', "names 2 action fields, InvertedPendulum-v5 has 1"),
-        ("[reward]", "[rewards]", r"unknown table \[rewards\]"),
-        ("[action]", "[action", "cannot read the mapping"),
-        ('topic = "/command"', "", "without 'topic'"),
+        ("[reward]", "[rewards]", "unknown rewards; known are observation, action, reward"),
+        ("[action]", "[action", "not TOML"),
+        ('topic = "/command"', "", "missing required field `topic`"),
     ],
     ids=["actions too large", "topic", "field", "number of fields", "table", "not TOML", "no topic"],
 )

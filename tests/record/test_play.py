@@ -99,6 +99,6 @@ def test_nothing_is_overwritten_and_nan_is_refused(recording, subject, tmp_path)
         def trace(self, observation):
             return {}
 
-    with pytest.raises(NotFiniteError, match="step 0 of episode 0"):
+    with pytest.raises(NotFiniteError, match="the policy chose an action with NaN or infinity in step 0"):
         record_episodes(Subject(Broken(), ENV, about={}), tmp_path / "nan.mcap")
     assert read(tmp_path / "nan.mcap").steps == []

@@ -25,6 +25,8 @@ class Row:
 
     table: ClassVar[str]
     """Name of the table, and of its file without `.csv`."""
+    gaps: ClassVar[bool] = False
+    """Whether a number may be missing, as NaN."""
 
     @classmethod
     def columns(cls) -> tuple[str, ...]:
@@ -76,6 +78,7 @@ class ModelRow(Row):
     """A diagnosis of the learnt model (docs: dyna)."""
 
     table = "model"
+    gaps = True
     steps: int
     error_1: float
     error_5: float
@@ -106,7 +109,7 @@ def read_table(run: Path, kind: type[Row]) -> dict[str, NDArray[np.float64]]:
             values = np.array(rows, float).reshape(-1, len(header))
         except (ValueError, csv.Error):
             raise FormatError("it is not a table of numbers") from None
-        if tuple(header) != kind.columns() or not np.isfinite(values).all():
+        if tuple(header) != kind.columns() or not (np.isfinite(values) | (kind.gaps & np.isnan(values))).all():
             raise FormatError(f"it is not a table of {', '.join(kind.columns())}, all finite")
     return dict(zip(header, values.T, strict=True))
 

@@ -73,7 +73,7 @@ class Training(TypedDict):
 class Card:
     """See docs/card.md."""
 
-    id: Annotated[str, msgspec.Meta(pattern=r"^\w[\w.+-]{0,100}$")]
+    id: Annotated[str, msgspec.Meta(pattern=r"^\w[\w.+() -]{0,100}$")]
     description: str
     source: IOSpec
     components: Mapping[str, ComponentCard]
@@ -104,7 +104,8 @@ class Card:
     def to_json(self) -> dict[str, Any]:
         """Return JSON-ready data."""
         data = asdict(self)
-        return {**data, "parts": data.pop("components")}
+        data["parts"] = data.pop("components")
+        return data
 
 
 def read_card(folder: Path) -> Card:
