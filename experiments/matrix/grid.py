@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,6 +22,9 @@ from transferkit.zoo.artifact import load_core
 if TYPE_CHECKING:
     from transferkit.config import Algorithm
     from transferkit.policy.core import Core
+
+MOST = 100_000
+"""Combinations of a grid."""
 
 DISTINCT = {"frozen", "padded"}
 """Arms whose sandwiches have other options than the transfer's, so that each can be refused by itself."""
@@ -104,6 +108,10 @@ class Grid:
         for config in configs.values():
             self._build(config)
         lists = self.cores or ("",), self.members, self.targets, configs.items(), self.arms, self.seeds
+        if math.prod(map(len, lists)) > MOST:
+            raise GridError(
+                f"the grid has {math.prod(map(len, lists)):,} combinations", remedy=f"at most {MOST:,} fit into one"
+            )
         for core, member, target, (name, config), arm, seed in itertools.product(*lists):
             if arm in UNTRAINED:
                 cell = Cell(arm, "", "", TrainConfig(target, eval_episodes=self.eval_episodes))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, NoReturn
 
 from transferkit.config.checks import Range, check_value
-from transferkit.errors import ConfigError, UnknownNameError
+from transferkit.errors import ConfigError, UnknownNameError, printable
 
 JSON_FLAG = "--json"
 
@@ -29,7 +29,8 @@ class Answer:
 
     def show(self, *, as_json: bool) -> None:
         """Print the data or the text on stdout."""
-        print(json.dumps(self.data, indent=2, allow_nan=False) if as_json else self.text)
+        text = "\n".join(map(printable, self.text.split("\n")))  # some of it may come from a stranger's file
+        print(json.dumps(self.data, indent=2, allow_nan=False) if as_json else text)
 
 
 class Parser(argparse.ArgumentParser):

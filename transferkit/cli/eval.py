@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser, whole
-from transferkit.config.checks import EPISODES, NOT_NEGATIVE
+from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -17,10 +17,24 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument(
         "--seed", type=whole("seed", NOT_NEGATIVE), default=0, help="of the episodes' starts; 0 is the one training reports"
     )
+    flags.add_argument("--env", help="environment to play in; by default the run's, whose id may import no module")
+    flags.add_argument(
+        "--max-episode-steps",
+        type=whole("max_episode_steps", AT_LEAST_ONE),
+        help="truncate episodes here; by default as in training",
+    )
     options = flags.parse_args(arguments)
-    from transferkit.subject import evaluate_run  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.cli.progress import evaluation_progress  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.subject import evaluate_run  # noqa: PLC0415
 
-    scores = evaluate_run(options.run, episodes=options.episodes, seed=options.seed).scores()
+    scores = evaluate_run(
+        options.run,
+        env=options.env,
+        episodes=options.episodes,
+        seed=options.seed,
+        max_episode_steps=options.max_episode_steps,
+        report=evaluation_progress(options.episodes),
+    ).scores()
     interval = f"95 % interval {scores['return_low']:.1f} to {scores['return_high']:.1f}"
     text = f"return {scores['return_mean']:.1f}, {interval}, {scores['n']} episodes, seed {options.seed}"
     return Answer({"run_dir": str(options.run), "seed": options.seed, **scores}, text)

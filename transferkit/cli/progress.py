@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 if TYPE_CHECKING:
     from transferkit.budget import Budget, Spent
     from transferkit.run import Report
+
+EVALUATION_SECONDS = 5.0
+"""Least time between lines about an evaluation."""
 
 PLAIN_SECONDS = 15.0
 """Least time between progress lines if stderr is not a terminal."""
@@ -42,6 +45,21 @@ def progress(label: str, budget: Budget) -> Iterator[Report]:
             bar.update(task, completed=min(1.0, spent.fraction(budget)), text=_text(spent, metrics))
 
         yield report
+
+
+def evaluation_progress(episodes: int) -> Callable[[int, int], None]:
+    """A report of an evaluation that says now and then how far it is, on a line."""
+    started = last = time.monotonic()
+
+    def report(ended: int, steps: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= EVALUATION_SECONDS:
+            last = now
+            left = f"{(now - started) * (episodes - ended) / ended:.0f} s left, " if ended else ""
+            print(f"evaluation: {ended} of {episodes} episodes, {left}{steps} steps", file=sys.stderr, flush=True)
+
+    return report
 
 
 def _plain(label: str, budget: Budget) -> Report:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,6 +63,8 @@ class Format:
         shutil.copytree(self.folder, work)
         forged = self.change(work, random)
         found = self.use(work, random)
+        if mutate.PLANTED in sys.modules:
+            raise WrongError("a module was imported that a file names")
         if forged:
             return "usable"
         if not self.same(found, whole):

@@ -10,100 +10,34 @@ import numpy as np
 
 Random = np.random.Generator
 
-NASTY: Sequence[Any] = (
-    *(
-        None,
-        True,
-        False,
-        0,
-        1,
-        -1,
-        2,
-        3,
-        7,
-        2**31,
-        2**53,
-        2**63,
-        2**64,
-        -(2**63),
-        10**400,
-        1e308,
-        -1e308,
-        1e-320,
-        0.5,
-        -0.0,
-        1e39,
-    ),
-    *(
-        "",
-        "a",
-        "none",
-        "\x1b[31mred\x1b[0m",
-        "\ud800",
-        "x" * 100_000,
-        "../../x",
-        "/dev/zero",
-        "os:X",
-        "a:b:c",
-        ":X",
-        "..:X",
-        "²",
-        "1",
-    ),
-    *(
-        [],
-        {},
-        [[]],
-        [None],
-        {"": None},
-        [0] * 1000,
-        {"a": {"b": {"c": []}}},
-        float("nan"),
-        float("inf"),
-        "NaN",
-        "\n",
-        "\0",
-        "ü",
-    ),
-)
+PLANTED = "planted_module"
+"""A module that nothing may import."""
+
+NUMBERS = (0, 1, -1, 2, 3, 7, 2**31, 2**53, 2**63, 2**64, -(2**63), 10**400, 1e308, -1e308, 1e-320, 0.5, -0.0, 1e39)
+TEXTS = ("", "a", "none", "1", "NaN", "\n", "\0", "ü", "²", "\x1b[31mred\x1b[0m", "\ud800", "x" * 100_000)
+PLACES = ("../../x", "/dev/zero", "a:b:c", ":X", "..:X", f"{PLANTED}:X-v0")
+LISTS = ([], {}, [[]], [None], {"": None}, [0] * 1000, {"a": {"b": {"c": []}}})
+NASTY: Sequence[Any] = (None, True, False, float("nan"), float("inf"), *NUMBERS, *TEXTS, *PLACES, *LISTS)
 """Values that stand where another one is expected."""
 
-TOKENS = (
-    *(
-        "nan",
-        "-inf",
-        "1e999",
-        "-1",
-        "0",
-        "0x10",
-        "9" * 500,
-        '""',
-        "'a'",
-        "'''",
-        '"""',
-        "[",
-        "]",
-        "[[",
-        "{",
-        "}",
-        "=",
-        "[[]]",
-        "{}",
-    ),
-    *(
-        "true",
-        "1979-05-27",
-        '"\\ud800"',
-        '"\\u001b[31m"',
-        "[" * 5000,
-        "a." * 2000 + "a=1",
-        '"0-99999"',
-        "[0, 1, 1]",
-        "#",
-        "\x00",
-    ),
-    *('"os:X"', '"a:b:c"', '"../x"', '"$\\\\frac{$"', "99999999999999999999", "1.5", "[1.5]", '["a"]', "\ufeff", "\r"),
+VALUES = (
+    "nan",
+    "-inf",
+    "1e999",
+    "-1",
+    "0",
+    "0x10",
+    "9" * 500,
+    "99999999999999999999",
+    "1.5",
+    "true",
+    "1979-05-27",
+    '"0-99999"',
 )
+STRINGS = ('""', "'a'", '"\\ud800"', '"\\u001b[31m"', '"../x"', '"$\\\\frac{$"', f'"{PLANTED}:X-v0"', '"a:b:c"', '":X"')
+SIGNS = ("'''", '"""', "[", "]", "[[", "{", "}", "=", "#", "\x00", "\ufeff", "\r")
+TABLES = ("[[]]", "{}", "[1.5]", "[0, 1, 1]", '["a"]', "[" * 5000, "a." * 2000 + "a=1")
+TOKENS = (*VALUES, *STRINGS, *SIGNS, *TABLES)
 """Pieces of text that stand where another one is expected."""
 
 

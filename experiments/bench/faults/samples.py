@@ -6,14 +6,21 @@ import contextlib
 import json
 import os
 import signal
+import sys
+import zlib
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
+import zstandard
+from mcap.data_stream import ReadDataStream, RecordBuilder
+from mcap.opcode import Opcode
+from mcap.records import Chunk
 from mcap.writer import CompressionType, Writer
 
 from experiments.bench.faults import mutate
@@ -41,6 +48,7 @@ from transferkit.policy.saved import load_policy
 from transferkit.reading import sealed
 from transferkit.record.format import ABOUT, EPISODE, STEP, as_metadata, from_metadata
 from transferkit.record.mapping import load_mapping, read_mapped
+from transferkit.record.mcap_file import MAGIC
 from transferkit.record.play import record_episodes
 from transferkit.record.reader import read, read_transitions
 from transferkit.record.replay import replay_recording
@@ -107,10 +115,13 @@ SETTINGS: dict[Algorithm, dict[str, Any]] = {
 }
 """The smallest runs."""
 
+CHECKPOINTS = {"ppo": 0.02, "dyna-ddpg": 0.008, "dyna-ppo": 0.003}
+"""Their shares: each trains to its end, which takes long."""
+
 IDS = (
     ENV,
     "dm_control/cartpole-balance-v0",
-    "os:Hopper-v5",
+    f"{mutate.PLANTED}:Hopper-v5",
     "a:b:c",
     ":X",
     "..:X",
@@ -121,7 +132,10 @@ IDS = (
 
 
 def formats(scratch: Path) -> list[Format]:
-    """All of them, in folders under `scratch`."""
+    """All of them, in folders under `scratch`, which has the planted module too."""
+    sys.path.insert(0, str(scratch))
+    scratch.mkdir(parents=True)
+    (scratch / f"{mutate.PLANTED}.py").write_text("")
     return [
         *_core(scratch / "core" / CORE),
         *_runs(scratch),
@@ -201,10 +215,10 @@ def _runs(scratch: Path) -> list[Format]:
         config = with_settings(config, settings)
         run_training(config, out=scratch / algo)
         _stop(config, scratch / f"{algo}-stopped")
-        share = 0.02 if algo == "ppo" else 0.01
+        stopped = scratch / f"{algo}-stopped"
         found += [
             Format(f"finished runs, {algo}", 0.1, scratch / algo, _change_run, _read_run, _same_run),
-            Format(f"checkpoints, {algo}", share, scratch / f"{algo}-stopped", _change_checkpoint, _resume(config), _same_end),
+            Format(f"checkpoints, {algo}", CHECKPOINTS[algo], stopped, _change_checkpoint, _resume(config), _same_end),
         ]
     return found
 
@@ -330,9 +344,28 @@ def _rows(transitions: Transitions) -> list[bytes]:
 
 def _change_recording(folder: Path, random: Random) -> bool:
     path = folder / "a.mcap"
-    if random.random() < 0.6:
+    ways = (damage, _rewrite, _forge_chunk)
+    return ways[int(random.choice(3, p=[0.5, 0.35, 0.15]))](path, random)
+
+
+def _forge_chunk(path: Path, random: Random) -> bool:
+    """Change bytes in a chunk, or what it declares, with a right checksum; the file's own is left out."""
+    data = path.read_bytes()
+    at = data.index(bytes([Opcode.CHUNK]), len(MAGIC) + 9 + int.from_bytes(data[len(MAGIC) + 1 : len(MAGIC) + 9], "little"))
+    end = at + 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    try:
+        chunk = Chunk.read(ReadDataStream(BytesIO(data[at + 9 : end])))
+        inner = zstandard.decompress(chunk.data, chunk.uncompressed_size)
+    except Exception:  # the byte before was no chunk's
         return damage(path, random)
-    return _rewrite(path, random)
+    inner, declared = mutate.in_bytes(inner, random), None
+    if random.random() < 0.3:
+        declared = int(random.choice([0, 1, len(inner) - 1, 2**31, 2**33, 2**63]))
+    builder, content = RecordBuilder(), zstandard.compress(inner)
+    size = len(inner) if declared is None else declared
+    Chunk("zstd", content, 0, 10, zlib.crc32(inner), size).write(builder)
+    path.write_bytes(data[:at] + builder.end() + data[end:])
+    return True
 
 
 def _rewrite(path: Path, random: Random) -> bool:
@@ -378,25 +411,36 @@ def _as_metadata(content: Any) -> dict[str, str]:  # noqa: ANN401 - JSON
         return {name.encode(errors="replace").decode(): text for name, text in texts.items()}
 
 
-def _write_foreign(path: Path) -> None:
+def _write_foreign(path: Path, random: Random | None = None) -> None:
+    """Six steps of another tool; with a generator one message is forged, or what describes it."""
+    forged, described = (-1, False) if random is None else (int(random.integers(18)), random.random() < 0.3)
+    encodings = ("json", "json", "protobuf", "ros1", "\ud800x".encode(errors="replace").decode())
+    encoding = encodings[0 if random is None or not described else int(random.integers(len(encodings)))]
+    schema = b"{}" if random is None or not described else bytes(random.integers(0, 256, 20, np.uint8))
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start()
-        plain = writer.register_schema("any", "jsonschema", b"{}")
-        topics = {name: writer.register_channel(f"/{name}", "json", plain) for name in ("state", "reward", "command")}
+        plain = writer.register_schema("any", "protobuf" if described else "jsonschema", schema)
+        topics = {name: writer.register_channel(f"/{name}", encoding, plain) for name in ("state", "reward", "command")}
         for k in range(6):
             messages = {
                 "state": {"position": [k, 10 + k], "velocity": [20 + k, 30 + k]},
                 "command": {"x": k / 10},
                 "reward": {"value": 7.0, "done": k == 3},
             }
-            for name, message in messages.items():
-                writer.add_message(topics[name], 100 * k, json.dumps(message).encode(), 100 * k)
+            for j, (name, message) in enumerate(messages.items()):
+                blob = json.dumps(message).encode()
+                if random is not None and forged == 3 * k + j:
+                    blob = mutate.as_text(mutate.in_json(message, random), random)
+                writer.add_message(topics[name], 100 * k, blob, 100 * k)
         writer.finish()
 
 
 def _change_foreign(folder: Path, random: Random) -> bool:
-    return damage(folder / "a.mcap", random)
+    if random.random() < 0.5:
+        return damage(folder / "a.mcap", random)
+    _write_foreign(folder / "a.mcap", random)
+    return True
 
 
 def _text(folder: Path, name: str, text: str, share: float, use: Any) -> Format:  # noqa: ANN401 - a reader
