@@ -116,7 +116,7 @@ def _change(value: Any, random: Random) -> Any:  # noqa: ANN401 - JSON
     elif way == 5:
         del parent[key]
     elif way == 6 and isinstance(parent[key], int | float):
-        parent[key] = parent[key] * float(random.normal(1, 10)) + float(random.normal(0, 10))
+        parent[key] = min(parent[key], 2**60) * float(random.normal(1, 10)) + float(random.normal(0, 10))
     elif way == 7 and isinstance(parent, list):
         parent.insert(key, json.loads(json.dumps(parent[key])))
     elif way == 8:

@@ -44,6 +44,8 @@ from transferkit.config import TrainConfig, identity, with_settings
 from transferkit.envs import derive_spec, id_from_file, make_env
 from transferkit.errors import ArtifactError, InterruptedRunError
 from transferkit.files import read_json
+from transferkit.nn import Architecture, Dynamics, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
+from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_policy
 from transferkit.reading import sealed
 from transferkit.record.format import ABOUT, EPISODE, STEP, as_metadata, from_metadata
@@ -53,9 +55,10 @@ from transferkit.record.play import record_episodes
 from transferkit.record.reader import read, read_transitions
 from transferkit.record.replay import replay_recording
 from transferkit.run import CHECKPOINT, POLICY, RECORD, RESULT, EpisodeRow, EvaluationRow, Result, read_record, read_table
+from transferkit.streams import Streams
 from transferkit.subject import load_subject, load_value
 from transferkit.training import run_training
-from transferkit.zoo.artifact import check_probe, load_core
+from transferkit.zoo.artifact import ENSEMBLES, check_probe, ensemble_card, load_core, normalizer_card, policy_card, save_core
 from transferkit.zoo.card import CARD, PROBE, WEIGHTS, read_card
 from transferkit.zoo.catalog import ZOO_PATH, find_core, list_cards
 from transferkit.zoo.readme import render
@@ -67,9 +70,9 @@ if TYPE_CHECKING:
     from transferkit.config import Algorithm
     from transferkit.record.reader import Transitions
 
-CORE, ENV = "inverted-pendulum-v1", "InvertedPendulum-v5"
+RELEASED, ENV = "inverted-pendulum-v1", "InvertedPendulum-v5"
 
-GRID = f"""cores = ["{CORE}"]
+GRID = f"""cores = ["{RELEASED}"]
 targets = ["{ENV}"]
 arms = ["scratch", "constant", "zero-action"]
 seeds = "0-3"
@@ -137,7 +140,7 @@ def formats(scratch: Path) -> list[Format]:
     scratch.mkdir(parents=True)
     (scratch / f"{mutate.PLANTED}.py").write_text("")
     return [
-        *_core(scratch / "core" / CORE),
+        *_core(scratch / "core" / "small-v1"),
         *_runs(scratch),
         _cells(scratch / "cells"),
         *_recordings(scratch),
@@ -148,14 +151,37 @@ def formats(scratch: Path) -> list[Format]:
 
 
 def _core(folder: Path) -> list[Format]:
-    folder.mkdir(parents=True)
-    for path in find_core(CORE).iterdir():
-        (folder / path.name).write_bytes(path.read_bytes())
+    _write_core(folder)
     return [
         Format("cards", 0.25, folder, _change_card, _read_card),
         Format("weights", 0.12, folder, partial(_change_tensors, WEIGHTS), _load_core, _same_core),
         Format("probes", 0.05, folder, partial(_change_tensors, PROBE), _load_core, _same_core),
     ]
+
+
+def _write_core(folder: Path) -> None:
+    """A small core of two members with all components, under the card of a released one."""
+    card = read_card(find_core(RELEASED))
+    inputs = card.source.obs_dim + card.source.act_dim
+    policy = Architecture(card.source.obs_dim, card.source.act_dim, (6,))
+    ensembles = {
+        "critic": EnsembleArchitecture(2, inputs, 1, (6,)),
+        "dynamics": EnsembleArchitecture(2, inputs, Dynamics.out_dim(card.source.obs_dim), (6,)),
+    }
+    states = {
+        "policy": PolicyNet(policy, Streams(0).torch("policy")).state_dict(),
+        "normalizer": Normalizer(card.source.obs_dim).state_dict(),
+        **{name: Ensemble(shape, Streams(0).torch(name)).state_dict() for name, shape in ensembles.items()},
+    }
+    for name in ensembles:
+        states[name] = {f"ensemble.{key}": tensor for key, tensor in states[name].items()}
+    states["dynamics"] |= {"mean": torch.zeros(inputs), "std": torch.ones(inputs)}
+    components = {name: stack_members([state, state]) for name, state in states.items()}
+    core = Core(folder.name, card.source, policy, (0, 1), components, ensembles=ensembles)
+    cards = {"policy": policy_card(policy), "normalizer": normalizer_card(policy.obs_dim)}
+    cards |= {name: ensemble_card(name, ensembles[name]) for name in ENSEMBLES}
+    score = replace(card.score, members=card.score.members[:2])
+    save_core(core, replace(card, id=core.id, components=cards, seeds=(0, 1), spent=card.spent[:2], score=score), folder)
 
 
 def _change_card(folder: Path, random: Random) -> bool:
@@ -306,7 +332,7 @@ def _collect(out: Path, random: Random) -> Any:  # noqa: ANN401 - rows
 def _recordings(scratch: Path) -> list[Format]:
     ours, theirs = scratch / "recording", scratch / "foreign"
     ours.mkdir(), theirs.mkdir()
-    subject = replace(load_subject(CORE), max_episode_steps=12)
+    subject = replace(load_subject(RELEASED), max_episode_steps=12)
     record_episodes(subject, ours / "a.mcap", episodes=2)
     _write_foreign(theirs / "a.mcap")
     (scratch / "mapping.toml").write_text(MAPPING)
