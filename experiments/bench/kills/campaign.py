@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import importlib
 import random
 import sys
 import tempfile
 import time
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
-
-from experiments.bench.kills.jobs import JOBS, export
+from experiments.bench.forks import warm_up
+from experiments.bench.kills.jobs import JOBS
 from experiments.bench.kills.trial import Place, reference, trial
 from transferkit.errors import ConfigError
 from transferkit.files import read_json, write_json
@@ -41,6 +38,7 @@ def command(arguments: Sequence[str]) -> int:
     options = parser.parse_args(arguments)
     record = _load(options.out, options.seed)
     jobs = [job for job in JOBS if options.jobs is None or job.name in options.jobs]
+    warm_up([job.name for job in jobs])
     campaign(jobs, options.kills, record, options.out)
     print(table(record))
     print("\n".join(record["problems"]), end="\n" if record["problems"] else "")
@@ -55,7 +53,6 @@ def campaign(jobs: Sequence[Job], kills: int, record: dict[str, Any], out: Path)
     memory = Path("/dev/shm")  # a file there costs nothing, and a kill is the same
     with tempfile.TemporaryDirectory(dir=memory if memory.is_dir() else None) as scratch:
         place = Place(Path(scratch))
-        _warm_up(place, jobs)
         for job in jobs:
             whole = reference(job, place) if _row(record, job)["kills"] < goals[job.name] else None
             while whole and _row(record, job)["kills"] < goals[job.name]:
@@ -122,14 +119,3 @@ def _load(out: Path, seed: int) -> dict[str, Any]:
     if record["seed"] != seed:
         raise ConfigError(f"{out} has seed {record['seed']}", remedy="go on with it, or choose another {out}")
     return record
-
-
-def _warm_up(place: Place, jobs: Sequence[Job]) -> None:
-    """Import what the jobs need, so that a forked process has it from the start."""
-    warnings.simplefilter("ignore")
-    torch.set_num_threads(1)
-    for module in ("torch.utils.tensorboard", "transferkit.trainers.dyna.trainer", "transferkit.trainers.ppo.trainer"):
-        importlib.import_module(module)
-    if any(job.run is export for job in jobs):
-        place.clear()
-        export(place.folder)  # which imports when it runs

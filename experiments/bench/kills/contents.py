@@ -25,6 +25,9 @@ TIMES = {"seconds", "digest"}
 EVENTS = re.compile(r"events\.out\.tfevents\..*")
 PLAYED = re.compile(r"played_\d+\.mcap")
 
+ENDS = {".png": b"IEND\xaeB`\x82", ".svg": b"</svg>", ".html": b"</html>"}
+"""Last bytes by a file's ending."""
+
 Found = dict[str, Any]
 """Comparable contents by the name of a file."""
 
@@ -119,6 +122,12 @@ def _hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+def _picture(path: Path) -> None:
+    """A picture or a page, whose bytes may hold names and times, must have its end."""
+    if not path.read_bytes().rstrip().endswith(ENDS[path.suffix]):
+        raise ValueError("it has no end")
+
+
 def _nothing(path: Path) -> None:
     """Neither read nor compared."""
     del path
@@ -130,6 +139,7 @@ READERS: Mapping[str, Callable[[Path], object]] = {
     ".safetensors": _tensors,
     ".mcap": _recording,
     ".onnx": _onnx,
+    **dict.fromkeys(ENDS, _picture),
     ".tmp": _nothing,
     "": _nothing,
 }

@@ -79,9 +79,7 @@ def matrix(workers: int, folder: Path) -> None:
     """Run three cells; without workers in this process."""
     grid = folder.with_name("grid.toml")
     grid.write_text(GRID)
-    alone: dict[str, Any] = (
-        {} if workers else {"worker_pool": _no_pool, "plan": lambda *_: "", "import_beside": lambda *_: None}
-    )
+    alone: dict[str, Any] = {} if workers else {"worker_pool": no_pool, "plan": lambda *_: "", "import_beside": lambda *_: None}
     with mock.patch.multiple(runner, load_cells=_eager_cells, **alone):
         if runner.run(grid, folder / "out", workers=workers or 1):
             raise RuntimeError("a cell failed")
@@ -129,11 +127,15 @@ class _Here:
 
     def submit(self, job: Callable[[Any], Any], cell: object) -> Future[Any]:
         done: Future[Any] = Future()
-        done.set_result(job(cell))
+        try:
+            done.set_result(job(cell))
+        except Exception as error:  # the one who waits gets it, as from a process
+            done.set_exception(error)
         return done
 
 
 @contextmanager
-def _no_pool(workers: int, jobs: int) -> Iterator[_Here]:
+def no_pool(workers: int, jobs: int) -> Iterator[_Here]:
+    """Stand in for a pool of processes."""
     del workers, jobs
     yield _Here()

@@ -6,15 +6,14 @@ import os
 import random
 import shutil
 import signal
-import sys
 import time
-import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiments.bench.forks import start, wait
 from experiments.bench.kills.contents import HalfWrittenError, contents, files, general, recorded
 from experiments.bench.kills.points import Counter, Watch
 from transferkit.run import load_state
@@ -23,9 +22,6 @@ from transferkit.run.directory import CHECKPOINT, RESULT
 if TYPE_CHECKING:
     from experiments.bench.kills.contents import Found
     from experiments.bench.kills.jobs import Job
-
-PATIENCE = 300.0
-"""Seconds after which a job that was not killed is given up."""
 
 
 @dataclass
@@ -87,7 +83,7 @@ def reference(job: Job, place: Place) -> Reference:
     """Run a job without a kill."""
     place.clear()
     counter, started = Counter(), time.monotonic()
-    if _wait(_start(job, place, counter, None)) != 0:
+    if wait(_start(job, place, counter, None)) != 0:
         raise RuntimeError(f"{job.name} fails without a kill: {place.said.read_text()}")
     seconds = time.monotonic() - started
     names = frozenset(general(path, place.folder) for path in files(place.folder))
@@ -112,32 +108,19 @@ def trial(job: Job, place: Place, whole: Reference, chance: random.Random, point
 
 
 def _start(job: Job, place: Place, counter: Counter, fatal: int | None) -> int:
-    """Fork a process that does the job; everything it needs is imported already."""
-    sys.stdout.flush()
-    child = os.fork()
-    if child:
-        return child
-    code = 1
-    try:
-        out = os.open(place.said, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-        os.dup2(out, 1)
-        os.dup2(out, 2)
+    def work() -> None:
         if not job.processes:
             Watch(place.folder, place.journal, counter, fatal).start()
         job.run(place.folder)
-        code = 0
-    except BaseException:  # the parent's own code must not go on here
-        traceback.print_exc()
-        sys.stderr.flush()
-    finally:
-        os._exit(code)
+
+    return start(work, place.said)
 
 
 def _kill(job: Job, place: Place, counter: Counter, point: int | None, delay: float, chance: random.Random) -> bool:
     """Start a job and kill it; False if it was finished before."""
     child = _start(job, place, counter, point)
     if point is not None:
-        return _wait(child) == -signal.SIGKILL
+        return wait(child) == -signal.SIGKILL
     time.sleep(delay)
     others = _descendants(child)
     if chance.random() < 0.5:
@@ -145,19 +128,7 @@ def _kill(job: Job, place: Place, counter: Counter, point: int | None, delay: fl
     for process in (child, *others):
         with suppress(ProcessLookupError):
             os.kill(process, signal.SIGKILL)
-    return _wait(child) == -signal.SIGKILL
-
-
-def _wait(child: int) -> int:
-    """The exit code of a process, negative after a signal."""
-    deadline = time.monotonic() + PATIENCE
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            return os.waitstatus_to_exitcode(status)
-        if time.monotonic() > deadline:
-            os.kill(child, signal.SIGKILL)
-        time.sleep(0.002)
+    return wait(child) == -signal.SIGKILL
 
 
 def _descendants(process: int) -> list[int]:
@@ -213,7 +184,7 @@ def _check_kept(kept: dict[Path, bytes], verdict: Verdict) -> None:
 
 def _finish(job: Job, place: Place, whole: Reference, verdict: Verdict, kept: dict[Path, bytes]) -> None:
     """Let the job finish, and compare with a run that nobody killed."""
-    code = _wait(_start(job, place, Counter(), None))
+    code = wait(_start(job, place, Counter(), None))
     if code:
         said = place.said.read_text().strip().splitlines()
         verdict.other.append(f"does not go on: exit code {code}: {said[-1] if said else 'no output'}")
