@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from experiments.bench.forks import start, wait
 from experiments.bench.kills.contents import HalfWrittenError, contents, files, general, recorded
 from experiments.bench.kills.points import Counter, Watch
+from transferkit.pretrain import UNFINISHED
 from transferkit.run import load_state
 from transferkit.run.directory import CHECKPOINT, RESULT
 
@@ -144,7 +145,7 @@ def _judge(place: Place, whole: Reference, counter: Counter, verdict: Verdict, k
         if general(path, place.folder).removesuffix(".tmp") not in whole.names:
             verdict.other.append(f"{path.name} is there after a kill")
     if place.journal.exists():
-        promised = place.journal.read_text().splitlines()
+        promised = [name for name in place.journal.read_text().splitlines() if UNFINISHED not in name]
         verdict.lost += [f"{name} is gone" for name in promised if not (place.folder / name).exists()]
     _check_recordings(place, whole, counter.steps, verdict)
     _check_kept(kept, verdict)
