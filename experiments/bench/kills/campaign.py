@@ -13,14 +13,15 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.bench.forks import warm_up
 from experiments.bench.kills.jobs import JOBS
-from experiments.bench.kills.trial import Place, reference, trial
+from experiments.bench.kills.trial import reference, trial
+from experiments.bench.kills.verdict import Place
 from transferkit.errors import ConfigError
 from transferkit.files import read_json, write_json
 from transferkit.table import format_table
 
 if TYPE_CHECKING:
     from experiments.bench.kills.jobs import Job
-    from experiments.bench.kills.trial import Reference, Verdict
+    from experiments.bench.kills.verdict import Reference, Verdict
 
 COUNTS = ("kills", "before_operation", "at_random", "resumed", "lost", "differing", "other")
 HEADER = ("job", "kills", "before a file operation", "at a random time", "resumed", "lost", "differing", "other", "operations")
