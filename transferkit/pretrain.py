@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,7 +17,7 @@ from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.files import check_folder
+from transferkit.files import check_folder, writing
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
@@ -34,6 +36,9 @@ SCORE_SEED = 1
 """Evaluation seed of the stated score; evaluations during training use 0."""
 
 SCORE_EPISODES = 20
+
+UNFINISHED = ".unfinished"
+"""Folder in a zoo in which artifacts are written before they are moved to their place; no zoo lists what is so deep in it."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
     ]
     score = _score(recipe, returns)
     core = _core(recipe, config, policies, [load_components(result.run_dir) for result in results])
-    return save_core(core, _card(recipe, config, core, results, score), folder)
+    return _save(core, _card(recipe, config, core, results, score), folder)
 
 
 def _train_members(recipe: Recipe, config: TrainConfig) -> list[Result]:
@@ -127,6 +132,21 @@ def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
         )
     low, high = stats.hierarchical_interval(returns)
     return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
+
+
+def _save(core: Core, card: Card, folder: Path) -> Card:
+    """Write the artifact and move it to its place as a whole, where half of one would be taken for a released one."""
+    unfinished = folder.parent / UNFINISHED / folder.name
+    shutil.rmtree(unfinished, ignore_errors=True)  # of a call that was killed
+    try:
+        with writing(folder):
+            card = save_core(core, card, unfinished)
+            unfinished.rename(folder)
+    finally:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        with suppress(OSError):  # another call writes there, too
+            unfinished.parent.rmdir()
+    return card
 
 
 def _core(

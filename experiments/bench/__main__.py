@@ -22,19 +22,29 @@ BENCHES = {
     "paper": "the paper presets, and the default presets against the paper's best scores",
 }
 
+TRIALS = {
+    "faults": "damaged and forged files of every format are refused in one line",
+    "kills": "jobs that are killed again and again go on to the same bits",
+    "full-disk": "commands whose disk is full say so and go on",
+}
+"""Not measured, and not part of all benches: `python -m experiments.bench kills --help` explains each."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one bench here, or all of them one after the other."""
-    lines = "\n".join(f"  {name:8} {what}" for name, what in BENCHES.items())
+    given = [*(sys.argv[1:] if arguments is None else arguments)]
+    os.environ["OMP_NUM_THREADS"] = "1"  # before torch is imported
+    if given and given[0] in TRIALS:
+        return importlib.import_module(f"experiments.bench.{given[0].replace('-', '_')}.campaign").command(given[1:])
+    lines = "\n".join(f"  {name:9} {what}" for name, what in (BENCHES | TRIALS).items())
     formatter = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(prog="experiments.bench", description=f"{__doc__}\n{lines}", formatter_class=formatter)
     parser.add_argument("name", nargs="?", choices=[*BENCHES])
     parser.add_argument("--tiny", action="store_true", help="as little as possible: shows that it runs, measures nothing")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(given)
     if options.name is None:
         more = ["--tiny"] if options.tiny else []
         return max(subprocess.call([sys.executable, "-m", "experiments.bench", name, *more]) for name in BENCHES)
-    os.environ["OMP_NUM_THREADS"] = "1"  # before torch is imported
     warnings.simplefilter("ignore")
     bench = importlib.import_module(f"experiments.bench.{options.name}")
     bench.main(bench.TINY if options.tiny else bench.FULL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shlex
 import sys
@@ -24,7 +25,7 @@ from experiments.matrix.evaluation import actor_without_policy, evaluate_untrain
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.ray_pool import connect, ray_pool
 from experiments.matrix.results import TABLE, collect, read_results
-from transferkit.errors import ConfigError, InterruptedRunError, RunInUseError
+from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, RunInUseError
 from transferkit.files import read_json, write_json
 from transferkit.policy.saved import load_policy
 from transferkit.run.directory import RESULT
@@ -42,8 +43,14 @@ if TYPE_CHECKING:
 PATIENCE = 2 * GRACE
 """Seconds to wait for a run that another process is writing."""
 
+FULL = (errno.ENOSPC, errno.EDQUOT)
+
 Train = Callable[..., object]
 """`run_training`, or a stand-in."""
+
+
+class FullDiskError(RunDirectoryError):
+    """No fault of a run: until there is room, no other could be written either."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,7 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
 
     Raises:
         ConfigError: the grid, the output folder or the cluster is wrong.
-        RunDirectoryError: a table of known runs is damaged.
+        RunDirectoryError: a table of known runs is damaged, or the disk is full.
     """
     if workers < 1:
         raise ConfigError("{workers}", value=workers, allowed="at least 1")
@@ -134,7 +141,9 @@ def run_all(cells: Sequence[Cell], out: Path, workers: int, *, on_ray: bool = Fa
         waiting = {pool.submit(job, cell): cell for cell in cells}
         for done, future in enumerate(as_completed(waiting), 1):
             error = future.exception()
-            if isinstance(error, BrokenProcessPool):
+            if isinstance(error, BrokenProcessPool | FullDiskError):
+                for other in waiting:
+                    other.cancel()
                 raise error
             outcome = future.result() if error is None else failure(waiting[future], error)
             failed += [outcome] if outcome.error_kind else []
@@ -144,7 +153,27 @@ def run_all(cells: Sequence[Cell], out: Path, workers: int, *, on_ray: bool = Fa
 
 
 def run_cell(cell: Cell, out: Path, command: str, *, train: Train = run_training) -> Outcome:
-    """Run one cell in its folder, going on where it stopped; an error is written there and returned, not raised."""
+    """Run one cell in its folder, going on where it stopped; an error is written there and returned, not raised.
+
+    Raises:
+        FullDiskError: there is no room on the disk.
+    """
+    try:
+        return _run_cell(cell, out, command, train)
+    except (RunDirectoryError, OSError) as error:
+        if not on_full_disk(error):
+            raise
+        what = error.what if isinstance(error, RunDirectoryError) else str(error)
+        raise FullDiskError(what, remedy="make room on the disk; the same command goes on") from error
+
+
+def on_full_disk(error: BaseException) -> bool:
+    """Whether an error says that a disk has no room."""
+    cause = error if isinstance(error, OSError) else error.__cause__
+    return isinstance(cause, OSError) and cause.errno in FULL
+
+
+def _run_cell(cell: Cell, out: Path, command: str, train: Train) -> Outcome:
     torch.set_num_threads(1)  # from the first network on, so that a cell's bits do not depend on what ran before it
     where = folder(out, cell)
     where.mkdir(parents=True, exist_ok=True)
@@ -157,6 +186,8 @@ def run_cell(cell: Cell, out: Path, command: str, *, train: Train = run_training
     except RunInUseError as error:  # which is not this process's to judge
         return failure(cell, error)
     except Exception as error:  # one broken run must not end the others
+        if on_full_disk(error):
+            raise
         outcome = failure(cell, error)
         write_json(where / ERROR, {"kind": outcome.error_kind, "message": outcome.error})
         return outcome

@@ -12,6 +12,9 @@ def test_pretrain_refuses_a_core_below_its_threshold_and_writes_a_good_one(capsy
     assert not (tmp_path / "zoo/small-v1").exists()
     code, _, err = run(capsys, *command, "--threshold", "950", "--eval-every", "100", "--stop-at", "900")
     assert (code, "--stop-at=900.0 must be at least the threshold 950" in err) == (2, True)
+    (tmp_path / "zoo/.unfinished/small-v1").mkdir(parents=True)
+    (tmp_path / "zoo/.unfinished/small-v1/card.json").write_text("half of what a killed call")
     line = run_json(capsys, *command, "--threshold", "1")
     assert line["id"] == "small-v1"
+    assert [path.name for path in (tmp_path / "zoo").iterdir()] == ["small-v1"]
     assert "verify" not in run(capsys, "zoo", "verify", "zoo/small-v1", "--rollout")[2]

@@ -73,14 +73,17 @@ def test_a_cores_critic_gives_values(full_core, full_core_folder, tmp_path):
     assert step.value == pytest.approx(value.item(), rel=1e-4)
 
 
-def test_a_full_disk_is_one_error(subject, tmp_path):
+@pytest.mark.parametrize(("size", "again", "left"), [(100_000, "record again", False), (400_000, "another out", True)])
+def test_a_full_disk_is_one_error_and_leaves_a_file_only_if_there_are_steps_in_it(subject, tmp_path, size, again, left):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
-        with pytest.raises(RecordingError, match=r"cannot go on writing .*full\.mcap.*make room"):
+        with pytest.raises(RecordingError, match=rf"cannot go on writing .*full\.mcap.*make room.*{again}$"):
             record_episodes(subject, tmp_path / "full.mcap", episodes=5)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert (tmp_path / "full.mcap").exists() == left
+    assert not left or read(tmp_path / "full.mcap").steps
 
 
 def test_nothing_is_overwritten_and_nan_is_refused(recording, subject, tmp_path):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import base64
+import errno
 import logging
+import os
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from itertools import accumulate
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
     from transferkit.record.format import Names
 
 logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # it warns of every message that a full disk refuses
+
+FULL = 64 * 1024
+"""Free bytes of a disk that took no more: a part of a chunk may not have filled it."""
 
 OPTIONS = MCAPWriteOptions(compression=MCAPCompression.Zstd, compression_threads=0)
 
@@ -70,11 +76,15 @@ class Recorder:
             raise RecordingError(f"{path} exists", remedy="choose another {out}") from None
         except OSError as error:
             raise RecordingError(f"cannot write {path}: {error}", remedy="choose an {out} in a folder that exists") from None
-        self._sure(lambda: self._writer.write_metadata(ABOUT, dict(metadata)))
+        self.steps = self._flushed = 0
+        try:
+            self._sure(lambda: self._writer.write_metadata(ABOUT, dict(metadata)))
+        except RecordingError:
+            path.unlink(missing_ok=True)
+            raise
         self._steps = Channel(STEP, schema=schema(names), context=context)
         self._scene = SceneUpdateChannel(SCENE, context=context)
         self._transforms = FrameTransformsChannel(TRANSFORMS, context=context)
-        self.steps = 0
 
     def __enter__(self) -> Recorder:
         return self
@@ -82,6 +92,8 @@ class Recorder:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         with suppress(RecordingError) if error else nullcontext():
             self._sure(self._writer.close)  # with the summary, by which readers find their way quickly
+        if isinstance(error, RecordingError) and not self._flushed:
+            self.path.unlink(missing_ok=True)  # it holds nothing, and would be in the way of the next try
 
     def time(self, step: int) -> int:
         """Return the nanoseconds of a step of this file."""
@@ -107,6 +119,7 @@ class Recorder:
             self._steps.log(orjson.dumps(message, option=orjson.OPT_SERIALIZE_NUMPY), log_time=self.time(self.steps))
             self.steps += 1
         self._sure(self._writer.flush)  # these steps are the operating system's now, whatever becomes of this process
+        self._flushed = self.steps
         return returns[-1]
 
     def add_scene(self, at: int, message: SceneUpdate) -> None:
@@ -125,9 +138,15 @@ class Recorder:
         try:
             write()
         except RuntimeError as error:
+            again = "record again into another {out}" if self._flushed else "record again"
             raise RecordingError(
-                f"cannot go on writing {self.path} ({error})", remedy="make room on the disk, and record again"
+                f"cannot go on writing {self.path}: {self._reason(error)}", remedy=f"make room on the disk, and {again}"
             ) from None
+
+    def _reason(self, error: RuntimeError) -> str:
+        """Name a full disk, of which the library only says that writing failed."""
+        full = shutil.disk_usage(self.path.parent).free < FULL
+        return os.strerror(errno.ENOSPC) if full else str(error)
 
     def _columns(self, steps: Steps) -> dict[str, Sequence[Any]]:
         """Make a value of every field for each step."""

@@ -84,6 +84,8 @@ class RunDirectory:
                 with writing(path):
                     os.truncate(kind.file(path), lengths.get(kind.table, 0))
                 run._open(kind)
+            elif kind in ALWAYS:  # the start was killed right after it wrote the record
+                run._open(kind)
         return run, state
 
     def append(self, row: Row) -> None:

@@ -1,15 +1,22 @@
 import csv
+import errno
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 
+import pytest
+
+from experiments.bench.kills.jobs import no_pool
+from experiments.matrix import runner
 from experiments.matrix.__main__ import main
 from experiments.matrix.cell_folder import ERROR, folder
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import EVALUATIONS, TABLE, collect, read_results
-from experiments.matrix.runner import run_cell
+from experiments.matrix.runner import FullDiskError, run_cell
+from transferkit.files import writing
 
 
 def table(out, name=TABLE):
@@ -70,6 +77,23 @@ def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path):
     assert run_cell(cell, tmp_path, "test").error == ""
     assert not error.exists()
     assert collect(tmp_path)[0].arm == "transfer"
+
+
+def test_a_full_disk_ends_the_matrix_and_is_no_fault_of_the_run(grid, tmp_path, monkeypatch, capsys):
+    def train(*_, **__):
+        with writing(tmp_path / "x"):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    path = grid('arms = ["transfer", "scratch", "random", "zero-action"]', 'arms = ["transfer"]')
+    cell = load_cells(path)[0]
+    with pytest.raises(FullDiskError, match=r"cannot write .*x: No space left on device.*; make room on the disk"):
+        run_cell(cell, tmp_path, "test", train=train)
+    assert not (folder(tmp_path, cell) / ERROR).exists()
+    monkeypatch.setattr(runner, "worker_pool", no_pool)
+    monkeypatch.setattr(runner, "plan", lambda *_: "")
+    monkeypatch.setattr(runner.run_cell, "__kwdefaults__", {"train": train})
+    assert main([str(path), "--out", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.endswith("make room on the disk; the same command goes on\n")
 
 
 def test_known_cells_get_the_names_that_the_grid_has_now(grid, tmp_path):

@@ -1,0 +1,1 @@
+"""Run commands on disks that are too small, make room, and run them again."""
