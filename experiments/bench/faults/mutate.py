@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -108,11 +109,11 @@ def in_tokens(text: str, random: Random) -> str:
 def _change(value: Any, random: Random) -> Any:  # noqa: ANN401 - JSON
     places = _places(value)
     if not places:
-        return NASTY[int(random.integers(len(NASTY)))]
+        return copy.deepcopy(NASTY[int(random.integers(len(NASTY)))])
     parent, key = places[int(random.integers(len(places)))]
     way, other = int(random.integers(10)), places[int(random.integers(len(places)))]
     if way < 5:
-        parent[key] = NASTY[int(random.integers(len(NASTY)))]
+        parent[key] = copy.deepcopy(NASTY[int(random.integers(len(NASTY)))])
     elif way == 5:
         del parent[key]
     elif way == 6 and isinstance(parent[key], int | float):

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import torch
 
 from transferkit.pretrain import UNFINISHED
@@ -102,7 +101,7 @@ def _hashed(node: object) -> object:
 
 def _recording(path: Path) -> object:
     found = recorded(path)
-    return None if found.flaw else [msgspec.to_builtins(step) for step in found.steps]
+    return None if found.flaw else found.steps
 
 
 def recorded(path: Path) -> Contents:

@@ -93,7 +93,7 @@ def _check_recordings(place: Place, whole: Reference, flushed: int, verdict: Ver
         steps = recorded(path).steps
         if len(steps) < flushed:
             verdict.lost.append(f"{flushed - len(steps)} of {flushed} flushed steps of {path.name}")
-        if steps != whole.found["played.mcap"]["steps"][: len(steps)]:
+        if steps != whole.found["played.mcap"][: len(steps)]:
             verdict.differing.append(f"steps of {path.name}")
 
 

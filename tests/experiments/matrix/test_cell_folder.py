@@ -19,12 +19,12 @@ from transferkit.errors import RunDirectoryError
         ("run/run.json", lambda _: None, "run.json is missing"),
         ("run/run.json", lambda data: data.replace(b'"versions": {', b'"versions": [], "v": {'), "run.json: "),
         ("run/episodes.csv", lambda data: data.replace(b"return", b"reward"), "episodes.csv: "),
-        ("run/episodes.csv", lambda data: data.replace(b"\n1,", b"\nnan,", 1), "episodes.csv: ValueError: a number is not"),
+        ("run/episodes.csv", lambda data: data.replace(b"\n1,", b"\nnan,", 1), "episodes.csv: "),
         ("run/episodes.csv", lambda data: data[: data.rindex(b"\n", 0, -1) + 1], "episodes.csv: ValueError: it does not have"),
-        ("run/result.json", lambda data: data.replace(b"steps", b"step"), "result.json: KeyError"),
+        ("run/result.json", lambda data: data.replace(b"steps", b"step"), "result.json: "),
         ("run/result.json", lambda data: data[:9], "result.json: "),
         ("run/result.json", lambda _: None, "result.json: "),
-        ("cell.json", lambda data: data.replace(b'"arm"', b'"arms"'), "cell.json: KeyError: 'arm'"),
+        ("cell.json", lambda data: data.replace(b'"arm"', b'"arms"'), "cell.json: "),
         ("cell.json", lambda _: None, "cell.json: "),
         ("cell.json", lambda data: data.replace(b'"seed": 0', b'"seed": 1', 1), "cell.json describes another run"),
         ("run/evaluations.csv", lambda data: data.replace(b",n\n", b",m\n"), "evaluations.csv: "),
@@ -36,12 +36,31 @@ def test_damage_is_named_by_its_file(results, tmp_path, name, change, what):
     cell = next(cell for cell in load_cells(results / "grid.toml") if cell.arm == "scratch")
     where = tmp_path / CELLS / cell.id
     shutil.copytree(results / CELLS / cell.id, where)
+    without_checksums(where)
     assert read_results(tmp_path).damaged == {}
     data = change((where / name).read_bytes())
     (where / name).unlink()
     if data is not None:
         (where / name).write_bytes(data)
     assert read_results(tmp_path).damaged[where].startswith(what)
+
+
+def without_checksums(where):
+    """As earlier versions wrote it, so that what a file says is judged, and not that it was changed."""
+    for path in where.rglob("*.json"):
+        data = json.loads(path.read_text())
+        path.write_text(json.dumps({name: value for name, value in data.items() if name not in ("digest", "files")}, indent=2))
+
+
+@pytest.mark.parametrize("name", ["run/run.json", "run/result.json", "run/episodes.csv", "run/policy.safetensors", "cell.json"])
+def test_one_digit_is_noticed(results, tmp_path, name):
+    cell = next(cell for cell in load_cells(results / "grid.toml") if cell.arm == "scratch")
+    where = tmp_path / CELLS / cell.id
+    shutil.copytree(results / CELLS / cell.id, where)
+    data = (where / name).read_bytes()
+    at = max(data.rindex(digit) for digit in (b"1", b"2", b"3") if digit in data)
+    (where / name).write_bytes(data[:at] + b"9" + data[at + 1 :])
+    assert "it was changed" in read_results(tmp_path).damaged[where]
 
 
 def test_damaged_runs_enter_no_table_and_run_again(copy):
@@ -80,6 +99,7 @@ def test_a_cell_of_an_earlier_version_is_refused(copy):
     data = json.loads((where / "cell.json").read_text())
     del data["config"]["network"]
     (where / "cell.json").write_text(json.dumps(data))
+    without_checksums(where)
     with pytest.raises(RunDirectoryError, match="was made by an earlier version"):
         read_results(copy)
 
