@@ -232,9 +232,10 @@ def outcome(use):
     """What a reader returns, or the error, which is one line that a terminal may show."""
     try:
         return use()
-    except TransferkitError as error:
-        assert str(error).isprintable()
-        return error
+    except TransferkitError as raised:
+        error = raised
+    assert str(error).isprintable()
+    return error
 
 
 @st.composite

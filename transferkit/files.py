@@ -94,7 +94,7 @@ def writing(path: Path) -> Iterator[None]:
     except OSError as error:
         raise RunDirectoryError(
             f"cannot write {path}: {error.strerror}; what was written before is intact",
-            remedy="mend the disk, then go on with {resume=True}",
+            remedy="mend the disk; the same command goes on, training with {resume=True}",
         ) from error
 
 

@@ -53,7 +53,7 @@ def draw_learning_curves(runs: Mapping[str, Path], title: str, path: Path, *, ze
     axes[0].set_title(verbatim(title))
     axes[1].set_title("" if zero_action is None else "dotted: zero action")
     axes[0].legend()
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_run(run: Path, path: Path) -> None:
@@ -76,7 +76,7 @@ def draw_run(run: Path, path: Path) -> None:
     if model is not None:
         axes[0][2].set_axis_off()
         _draw_model(axes[1], model)
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
@@ -102,7 +102,7 @@ def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
     axes[-1].legend(loc="upper left", fontsize="x-small")
     axes[-1].set_xlabel("simulated seconds" if spec.time_step else "steps")
     figure.suptitle(verbatim(f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}"))
-    _save(figure, path)
+    save_figure(figure, path)
 
 
 def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Sequence[Mapping[str, float]]) -> None:
@@ -120,7 +120,12 @@ def verbatim(text: str) -> str:
     return (" " if text.startswith("_") else "") + text.replace("$", r"\$")
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure, all of it or nothing, and close it.
+
+    Raises:
+        ConfigError: the file cannot be written, or is of no kind that can be drawn.
+    """
     kinds = figure.canvas.get_supported_filetypes()
     try:
         if path.suffix[1:] not in kinds:

@@ -27,13 +27,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--workers", type=whole("workers", AT_LEAST_ONE), default=2, help="processes on this machine")
     where.add_argument("--ray", metavar="ADDRESS", help="run on a Ray cluster instead: `auto`, HOST:PORT or ray://HOST:PORT")
+    parser.add_argument("--env", action="append", default=[], metavar="MODULE:ID", help="a target whose module may be run")
     parser.add_argument("--resume", action="store_true", help="the default: what is done is never run again")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
     try:
         options = parser.parse_args(arguments)
         from experiments.matrix.runner import run  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
 
-        return run(options.grid, options.out, workers=options.workers, ray=options.ray, dry_run=options.dry_run)
+        return run(
+            options.grid, options.out, workers=options.workers, ray=options.ray, dry_run=options.dry_run, named=options.env
+        )
     except KeyboardInterrupt:
         print("stopped; the same command goes on", file=sys.stderr)
         return 130

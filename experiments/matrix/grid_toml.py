@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 from experiments.matrix.grid import Grid, GridError, Trainer, add, at, check_names
 from experiments.matrix.table import ambiguity
+from transferkit.envs import id_from_file
 from transferkit.errors import ConfigError
 from transferkit.reading import FormatError, parse_toml, read_bytes
 
@@ -26,8 +27,10 @@ WHOLE = ("episodes", "steps", "eval_every", "eval_episodes")
 NEEDED = ("targets", "arms", "seeds")
 
 
-def load_cells(path: Path) -> list[Cell]:
+def load_cells(path: Path, named: Collection[str] = ()) -> list[Cell]:
     """Every run of a grid's file, once, seed by seed: what has run at any moment is nearly the same for all arms.
+
+    Targets that import a module must be `named`.
 
     Raises:
         ConfigError: there is no such file, it is not TOML, or a key or its value cannot be used.
@@ -43,7 +46,7 @@ def load_cells(path: Path) -> list[Cell]:
         raise ConfigError(f"{path}: part={parts!r} must be written as [[part]]")
     for k, part in enumerate(parts, 1):
         try:
-            for cell in _grid({**data, **part}).cells():
+            for cell in _grid({**data, **part}, path, named).cells():
                 add(cells, cell)
         except GridError as error:
             where = f"{path}, part {k}" if len(parts) > 1 else f"{path}"
@@ -53,7 +56,7 @@ def load_cells(path: Path) -> list[Cell]:
     return sorted(cells.values(), key=lambda cell: cell.config.seed)
 
 
-def _grid(data: dict[str, Any]) -> Grid:
+def _grid(data: dict[str, Any], path: Path, named: Collection[str]) -> Grid:
     check_names("key", data, [f.name for f in fields(Grid)], "grid")
     for name in (*NEEDED, *data):
         if data.get(name) in (None, [], ""):
@@ -62,6 +65,9 @@ def _grid(data: dict[str, Any]) -> Grid:
     for name in ("seeds", "members"):
         if name in data:
             data[name] = _numbers(name, data[name])
+    for target in data["targets"]:
+        with at("targets"):
+            id_from_file(target, path, target if target in named else None)
     trainers = [_trainer(trainer) for trainer in data.pop("trainer", [{}])]
     lists: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
     with at("grid"):

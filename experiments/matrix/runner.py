@@ -8,7 +8,7 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
@@ -70,8 +70,12 @@ class Outcome:
         return f"{name} FAILED: {self.error_kind}: {self.error}" if self.error_kind else f"{name}: {self.score:.1f}"
 
 
-def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_run: bool = False) -> int:
+def run(
+    grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_run: bool = False, named: Collection[str] = ()
+) -> int:
     """Run what is not done, or only print the plan; returns 1 if a cell failed, else 0.
+
+    Targets that import a module must be `named`.
 
     Raises:
         ConfigError: the grid, the output folder or the cluster is wrong.
@@ -81,7 +85,7 @@ def run(grid: Path, out: Path, *, workers: int = 2, ray: str | None = None, dry_
         raise ConfigError("{workers}", value=workers, allowed="at least 1")
     if out.exists() and not out.is_dir():
         raise ConfigError(f"{out} is not a folder", remedy="choose another {out}")
-    cells = load_cells(grid)
+    cells = load_cells(grid, named)
     workers = workers if ray is None else connect(ray)
     results = read_results(out)
     if not dry_run:

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, ZERO_ACTION
 from experiments.report.verdict import TRANSFER
 from transferkit import stats
-from transferkit.plots import COLOURS, verbatim
+from transferkit.plots import COLOURS, save_figure, verbatim
 
 if TYPE_CHECKING:
     from experiments.report.comparisons import Group
@@ -131,7 +131,7 @@ def _legend_below(figure: Figure, axis: Axes) -> None:
 
 def _save(figure: Figure, stem: Path) -> Path:
     for suffix in (".png", ".svg"):
-        figure.savefig(stem.with_name(stem.name + suffix), dpi=110)
+        save_figure(figure, stem.with_name(stem.name + suffix))
     return stem.with_name(stem.name + ".png")
 
 

@@ -86,7 +86,7 @@ def id_from_file(env_id: str, source: str | Path, named: str | None = None) -> s
     """
     if ":" in env_id and env_id != named:
         raise EnvironmentContractError(
-            f"{source} was made in {env_id}, and to make it runs the module {env_id.partition(':')[0]}",
+            f"{source} names the environment {env_id}, which runs the module {env_id.partition(':')[0]}",
             remedy=f"if you trust that, name it yourself: {{env={env_id}}}",
         )
     return env_id

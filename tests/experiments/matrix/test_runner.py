@@ -1,6 +1,5 @@
 import csv
 import errno
-import json
 import os
 import signal
 import subprocess
@@ -12,11 +11,11 @@ import pytest
 from experiments.bench.kills.jobs import no_pool
 from experiments.matrix import runner
 from experiments.matrix.__main__ import main
-from experiments.matrix.cell_folder import ERROR, folder
+from experiments.matrix.cell_folder import ERROR, Failure, folder
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import EVALUATIONS, TABLE, collect, read_results
 from experiments.matrix.runner import FullDiskError, run_cell
-from transferkit.files import writing
+from transferkit.files import read_json, writing
 
 
 def table(out, name=TABLE):
@@ -69,7 +68,7 @@ def test_a_failed_cell_is_reported_and_tried_again(grid, tmp_path):
     outcome = run_cell(cell, tmp_path, "test", train=lambda *_, **__: 1 / 0)
     assert str(outcome).endswith("seed 0 FAILED: ZeroDivisionError: division by zero")
     error = folder(tmp_path, cell) / ERROR
-    assert json.loads(error.read_text()) == {"kind": "ZeroDivisionError", "message": "division by zero"}
+    assert read_json(error, Failure) == Failure("ZeroDivisionError", "division by zero")
     assert collect(tmp_path) == []
     (failed,) = read_results(tmp_path).failed
     assert (failed.error_kind, failed.error) == ("ZeroDivisionError", "division by zero")
