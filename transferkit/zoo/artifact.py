@@ -23,9 +23,9 @@ from transferkit.zoo.catalog import find_core
 from transferkit.zoo.readme import render
 
 if TYPE_CHECKING:
-    from transferkit.zoo.card import Card, Kind
+    from transferkit.zoo.card import Card
 
-ENSEMBLES: tuple[Kind, ...] = ("critic", "dynamics")
+ENSEMBLES = ("critic", "dynamics")
 """Optional components of a core, each a method of `Core`."""
 
 LARGEST = 256 * 2**20
@@ -112,7 +112,7 @@ def policy_card(architecture: Architecture) -> ComponentCard:
     return ComponentCard("policy", architecture.to_json(), ("body.0.weight",), tuple(output))
 
 
-def ensemble_card(kind: Kind, architecture: EnsembleArchitecture) -> ComponentCard:
+def ensemble_card(kind: str, architecture: EnsembleArchitecture) -> ComponentCard:
     """Make the card's entry of critics or of a model, with its ends named."""
     outputs = ("ensemble.head.weight", "ensemble.head.bias")
     statistics = ("mean", "std") if kind == "dynamics" else ()
