@@ -13,7 +13,7 @@ import torch
 
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, identity, migrated_blueprint
-from transferkit.envs import VectorEnv, derive_spec, make_env
+from transferkit.envs import VectorEnv, derive_spec, dims, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
@@ -67,7 +67,7 @@ class Job:
         check_folder(self.out, "out")
         self._budget()
         _device(self.config.device)
-        self.policy.check_fits(self.make_env(), self.config.env)
+        self.policy.check_fits(dims(self.make_env()), self.config.env)
 
     def experience(self, *, resume: bool) -> tuple[Transitions | None, Ledger]:
         """Load the recordings to start with and their ledger; a run that has a checkpoint needs them no more."""

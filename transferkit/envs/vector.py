@@ -16,7 +16,6 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs.make import dims
 from transferkit.reading import FormatError, typed
 
 
@@ -120,7 +119,7 @@ class VectorEnv:
         observations = []
         for i, (episode, actions) in enumerate(zip(episodes, played, strict=True)):
             observation = self._start(i, episode)
-            for action in np.array(actions, np.float32).reshape(-1, dims(self.envs[i])[1]):
+            for action in np.array(actions, np.float32).reshape(-1, *(self.envs[i].action_space.shape or ())):
                 observation = self.envs[i].step(action)[0]
                 self._actions[i].append(action)
             observations.append(observation)

@@ -12,14 +12,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from transferkit.envs import dims
 from transferkit.errors import ConfigError, UnknownNameError
 from transferkit.nn import Normalizer, PolicyNet, gaussian
 from transferkit.table import format_table
 
 if TYPE_CHECKING:
-    import gymnasium
-
     from transferkit.nn import Architecture
     from transferkit.policy.core import Origin
 
@@ -55,15 +52,13 @@ class Policy(nn.Module):
     lr_scale: Mapping[str, float]
     freeze: Mapping[str, float]
 
-    def check_fits(self, env: gymnasium.Env, name: str = "") -> None:
-        """Compare this policy's dimensions with those of an environment under the contract.
+    def check_fits(self, needed: tuple[int, int], name: str) -> None:
+        """Compare this policy's dimensions with the lengths of an environment's observation and action.
 
         Raises:
             ConfigError: they differ.
         """
-        needed = dims(env)
         if (self.obs_dim, self.act_dim) != needed:
-            name = name or (env.spec.id if env.spec is not None else type(env.unwrapped).__name__)
             raise ConfigError(
                 f"the policy takes {self.obs_dim} observations and {self.act_dim} actions, environment {name} has "
                 f"{needed[0]} and {needed[1]}",

@@ -25,6 +25,9 @@ from transferkit.tensors import dump_tensors, parse_tensors
 
 Random = np.random.Generator
 
+RELEASED, ENV = "inverted-pendulum-v1", "InvertedPendulum-v5"
+"""A core of the zoo, and its source."""
+
 
 class WrongError(Exception):
     """A reader took a file for something that it is not."""
