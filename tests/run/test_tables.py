@@ -1,4 +1,7 @@
-from transferkit.run import TABLES, EpisodeRow, EvaluationRow, RunDirectory, read_table
+import pytest
+
+from transferkit.errors import RunDirectoryError
+from transferkit.run import TABLES, EpisodeRow, EvaluationRow, Result, RunDirectory, read_table
 
 
 def test_columns_are_the_fields_of_a_row():
@@ -19,3 +22,26 @@ def test_rows_make_the_round_trip(tmp_path):
     assert rows["return"].tolist() == [-0.1, 1 / 3]
     assert [values[0] for values in rows.values()] == row.values()
     assert len(read_table(tmp_path / "run", EvaluationRow)["steps"]) == 0
+
+
+def test_a_torn_last_row_is_left_out_and_any_other_damage_is_one_line(tmp_path):
+    with RunDirectory.create(tmp_path / "run", {}) as run:
+        run.append(EpisodeRow(1, 0, 2.5, 30, 1, 30, 1.0))
+    path, whole = EpisodeRow.file(tmp_path / "run"), read_table(tmp_path / "run", EpisodeRow)
+    text = path.read_text()
+    path.write_text(text + "2,0,7")
+    assert read_table(tmp_path / "run", EpisodeRow) == whole
+    for damaged in (text + "2,0,7\n", text.replace("2.5", "nan"), text.replace("2.5", "x"), text.replace("return", "x"), ""):
+        path.write_text(damaged)
+        with pytest.raises(RunDirectoryError, match=r"episodes\.csv is damaged"):
+            read_table(tmp_path / "run", EpisodeRow)
+
+
+def test_the_table_of_a_finished_run_has_a_checksum(tmp_path):
+    with RunDirectory.create(tmp_path / "run", {}) as run:
+        run.append(EpisodeRow(1, 0, 2.5, 30, 1, 30, 1.0))
+        run.finish(Result("ppo", "default-v2", None, None, None, "x", 0, 1, 30, 1.0, 2.5, 0.0, 2.5, 2.5, 1, "run"))
+    path = EpisodeRow.file(tmp_path / "run")
+    path.write_text(path.read_text().replace("2.5", "9.5"))
+    with pytest.raises(RunDirectoryError, match="it was changed: its checksum does not fit"):
+        read_table(tmp_path / "run", EpisodeRow)
