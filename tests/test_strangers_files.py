@@ -19,6 +19,7 @@ from transferkit.policy.saved import load_policy
 from transferkit.reading import FormatError, parse, sealed
 from transferkit.record.mapping import load_mapping
 from transferkit.record.reader import read
+from transferkit.record.recover import recover
 from transferkit.run import EpisodeRow, Result, load_state, read_record, read_table, save_state
 from transferkit.subject import evaluate_run, load_subject
 from transferkit.zoo.card import read_card
@@ -267,3 +268,36 @@ def seal(content):
 def rows(transitions):
     columns = [torch.as_tensor(column).reshape(len(transitions), -1) for column in transitions.batch()]
     return [tuple(row.tolist()) for row in torch.cat(columns, 1)]
+
+
+@pytest.mark.parametrize("name", [".lock", "episodes.csv", "policy.safetensors"])
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_run_writes_through_no_link_and_waits_for_no_pipe(name, kind, run, tmp_path):
+    folder, victim = fresh(run, tmp_path), tmp_path / "victim"
+    victim.write_text("mine")
+    (folder / "result.json").unlink()
+    (folder / name).unlink(missing_ok=True)
+    (folder / name).symlink_to(victim) if kind == "link" else os.mkfifo(folder / name)
+    config = TrainConfig.from_json(read_record(folder))
+    with pytest.raises(RunDirectoryError, match="is not a regular file"):
+        run_training(config, out=folder, resume=True)
+    assert victim.read_text() == "mine"
+
+
+def test_what_is_written_replaces_a_link_in_its_way(tmp_path):
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    (tmp_path / "a.json.tmp").symlink_to(victim)
+    write_json(tmp_path / "a.json", {"a": 1})
+    assert victim.read_text() == "mine"
+
+
+def test_a_recovered_recording_says_that_steps_are_missing(tmp_path):
+    out = tmp_path / "recovered.mcap"
+    record_episodes(load_subject("inverted-pendulum-v1", env="Hopper-v5"), tmp_path / "a.mcap", episodes=9)
+    content = (tmp_path / "a.mcap").read_bytes()
+    at = len(content) // 2
+    (tmp_path / "b.mcap").write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])
+    assert recover(tmp_path / "b.mcap", out)[1]
+    assert replay_recording(out).flaw == "lacks steps of its episodes"
+    assert read_transitions(out, derive_spec("Hopper-v5")).notes

@@ -22,7 +22,7 @@ class Attempt(NamedTuple):
 
 def attempt(code: str, *arguments: str, renderer: str = "disable", seconds: float = SECONDS) -> Attempt:
     """Run code under a value of MUJOCO_GL, for so long at most."""
-    command, environment = [sys.executable, "-c", code, *arguments], os.environ | {"MUJOCO_GL": renderer}
+    command, environment = [sys.executable, "-P", "-c", code, *arguments], os.environ | {"MUJOCO_GL": renderer}
     try:
         done = subprocess.run(command, env=environment, capture_output=True, timeout=seconds, check=False)
     except subprocess.TimeoutExpired as error:

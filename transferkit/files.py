@@ -52,6 +52,7 @@ def replacing(path: Path) -> Iterator[Path]:
     """A temporary file to write, which takes the place of `path` at the end; if anything fails nothing of it is left."""
     temporary = path.with_name(path.name + ".tmp")
     try:
+        temporary.unlink(missing_ok=True)  # of a killed process, or a link to elsewhere
         yield temporary
         temporary.replace(path)
     except BaseException:

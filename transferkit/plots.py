@@ -10,7 +10,7 @@ import matplotlib as mpl
 import numpy as np
 
 from transferkit.config import TrainConfig
-from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
+from transferkit.errors import ConfigError, RecordingError, RunDirectoryError, printable
 from transferkit.files import new_file
 from transferkit.record.reader import read, spec_of
 from transferkit.run import EpisodeRow, EvaluationRow, ModelRow, read_record, read_table
@@ -29,6 +29,9 @@ Table = Mapping[str, NDArray[np.float64]]
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00")
 """Okabe and Ito's colour-blind safe palette."""
+
+KINDS, LONGEST_NAME = ("jpg", "pdf", "png", "svg"), 100
+"""Of files, and characters of a name that are drawn."""
 
 TRACES = ("observation", "core_input", "core_output", "action")
 MOST_TRACES = 12
@@ -117,7 +120,7 @@ def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Seq
 
 def verbatim(text: str) -> str:
     """Write a name from outside so that matplotlib shows it as it is, without mathematics, and in the legend."""
-    return (" " if text.startswith("_") else "") + text.replace("$", r"\$")
+    return (" " if text.startswith("_") else "") + printable(text, LONGEST_NAME).replace("$", r"\$")
 
 
 def save_figure(figure: Figure, path: Path) -> None:
@@ -126,12 +129,14 @@ def save_figure(figure: Figure, path: Path) -> None:
     Raises:
         ConfigError: the file cannot be written, or is of no kind that can be drawn.
     """
-    kinds = figure.canvas.get_supported_filetypes()
     try:
-        if path.suffix[1:] not in kinds:
-            raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(sorted(kinds))}")
+        if path.suffix[1:] not in KINDS:
+            raise ConfigError(f"ending of {path}", value=path.suffix, allowed=f".{', .'.join(KINDS)}")
         picture = io.BytesIO()  # matplotlib's PDF fails in its own way on a full disk
-        figure.savefig(picture, format=path.suffix[1:], dpi=110)
+        try:
+            figure.savefig(picture, format=path.suffix[1:], dpi=110)
+        except (ValueError, ArithmeticError) as error:  # matplotlib's words for numbers beyond its axes
+            raise ConfigError(f"{path} cannot be drawn: {str(error).splitlines()[0]}") from None
         with new_file(path, "out") as temporary:
             temporary.write_bytes(picture.getvalue())
     finally:

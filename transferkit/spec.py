@@ -25,6 +25,9 @@ Quantity = Literal[
 """What an observation element can be; `force` responds to controls or contacts, `unknown` was not probed."""
 
 
+MOST = 4096
+"""Elements of an observation or an action, and joints."""
+
 JointType = Literal["slide", "hinge"]
 
 
@@ -101,6 +104,10 @@ class IOSpec:
     versions: Mapping[str, str]
 
     def __post_init__(self) -> None:
+        if max(self.obs_dim, self.act_dim, len(self.joints)) > MOST:
+            raise ValueError(f"it has {self.obs_dim} observations and {self.act_dim} actions, at most {MOST} are supported")
+        if self.time_step and not 1e-6 <= self.time_step <= 1e4:
+            raise ValueError(f"its time step is {self.time_step} s")
         above: set[str | None] = {None}
         for joint in self.joints:
             if joint.parent not in above:

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from transferkit.reading import FormatError, parse
 
-LARGEST = 4 * 2**30
+LARGEST = 2**30
 """Bytes of a file of tensors."""
 
 DTYPES = (torch.float32, torch.float64, torch.uint8, torch.int64, torch.bool)

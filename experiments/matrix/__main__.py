@@ -8,12 +8,14 @@ that ended, `evaluations.csv` one for each of their evaluations.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from transferkit.cli.answer import Parser, whole
+from transferkit.cli.streams import check_readable, drop_output, mend_surroundings
 from transferkit.cli.wording import worded
 from transferkit.config.checks import AT_LEAST_ONE
 from transferkit.errors import InterruptedRunError, TransferkitError
@@ -30,7 +32,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--env", action="append", default=[], metavar="MODULE:ID", help="a target whose module may be run")
     parser.add_argument("--resume", action="store_true", help="the default: what is done is never run again")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
+    mend_surroundings()
     try:
+        check_readable(sys.argv[1:] if arguments is None else arguments)
         options = parser.parse_args(arguments)
         from experiments.matrix.runner import run  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
 
@@ -43,6 +47,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except TransferkitError as error:
         print(f"error: {worded(error)}", file=sys.stderr)
         return 130 if isinstance(error, InterruptedRunError) else 2
+    except OSError as error:  # perhaps of the output
+        with contextlib.suppress(OSError):
+            print(f"error: {worded(error)}", file=sys.stderr)
+        return drop_output(2)
     except BrokenProcessPool:
         print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)
         return 1

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
+import msgspec
 import numpy as np
 
 from experiments.matrix.cell import Cell
@@ -53,7 +54,7 @@ class CellFile:
 class Failure:
     """What `error.json` holds."""
 
-    kind: str
+    kind: Annotated[str, msgspec.Meta(min_length=1)]
     message: str
 
 

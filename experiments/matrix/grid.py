@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from transferkit.config import Algorithm
     from transferkit.policy.core import Core
 
-MOST = 100_000
+MOST = 20_000
 """Combinations of a grid."""
 
 DISTINCT = {"frozen", "padded"}

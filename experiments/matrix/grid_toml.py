@@ -7,6 +7,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
+from experiments.matrix.grid import MOST as MOST_CELLS
 from experiments.matrix.grid import Grid, GridError, Trainer, add, at, check_names
 from experiments.matrix.table import ambiguity
 from transferkit.envs import id_from_file
@@ -48,6 +49,8 @@ def load_cells(path: Path, named: Collection[str] = ()) -> list[Cell]:
         try:
             for cell in _grid({**data, **part}, path, named).cells():
                 add(cells, cell)
+            if len(cells) > MOST_CELLS:
+                raise GridError(f"the grid has more than {MOST_CELLS:,} runs", remedy="cut it")
         except GridError as error:
             where = f"{path}, part {k}" if len(parts) > 1 else f"{path}"
             raise ConfigError(f"{where}: {error}") from None
@@ -87,7 +90,14 @@ def _numbers(name: str, value: object) -> list[int]:
     if _is_list(value, int) and all(number >= 0 for number in value):
         return value
     first, dash, last = str(value).partition("-")
-    if not dash or not (first + last).isascii() or not first.isdigit() or not last.isdigit() or int(first) > int(last):
+    if (
+        not dash
+        or len(first + last) > 18
+        or not (first + last).isascii()
+        or not first.isdigit()
+        or not last.isdigit()
+        or int(first) > int(last)
+    ):
         raise GridError(name, value=value, allowed='a list of whole numbers from 0, or "0-9"')
     if int(last) - int(first) >= MOST:
         raise GridError(name, value=value, allowed=f"at most {MOST:,}")

@@ -25,7 +25,7 @@ from experiments.matrix.evaluation import actor_without_policy, evaluate_untrain
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.ray_pool import connect, ray_pool
 from experiments.matrix.results import TABLE, collect, read_results
-from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, RunInUseError
+from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, RunInUseError, printable
 from transferkit.files import read_json, write_json
 from transferkit.policy.saved import load_policy
 from transferkit.run.directory import RESULT
@@ -67,7 +67,8 @@ class Outcome:
         cell, config = self.cell, self.cell.config
         core = f"{cell.core} member {config.member}" if cell.core else ""
         name = " ".join(filter(None, (cell.arm, core, config.env, cell.trainer, f"seed {config.seed}")))
-        return f"{name} FAILED: {self.error_kind}: {self.error}" if self.error_kind else f"{name}: {self.score:.1f}"
+        outcome = f" FAILED: {self.error_kind}: {self.error}" if self.error_kind else f": {self.score:.1f}"
+        return printable(f"{name}{outcome}")
 
 
 def run(
@@ -91,7 +92,7 @@ def run(
     if not dry_run:
         make_folders(out)
     for line in damages(out, results, move=not dry_run):
-        print(line, file=sys.stderr)
+        print(printable(line), file=sys.stderr)
     if not dry_run:
         rename(out, cells)
     done = {row.id for row in results.finished}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,8 +13,12 @@ from typing import Any
 
 from transferkit.errors import RunDirectoryError
 from transferkit.files import write_atomically
+from transferkit.reading import parse, read_bytes
 
 NAN = math.nan
+
+LARGEST = 64 * 2**20
+"""Bytes of a table."""
 
 
 @dataclass(frozen=True)
@@ -85,12 +88,11 @@ def read_rows(path: Path) -> list[Row]:
         RunDirectoryError: it has other columns, or a line is not a run that ended.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            reader = csv.reader(file)
-            if tuple(next(reader, ())) != COLUMNS:
-                raise RunDirectoryError(f"{path} does not have the columns of this version's tables; remove it")
-            return [_parse(cells, path, reader.line_num) for cells in reader]
-    except (OSError, UnicodeError, csv.Error) as error:
+        reader = csv.reader(io.StringIO(read_bytes(path, LARGEST).decode(), newline=""))
+        if tuple(next(reader, ())) != COLUMNS:
+            raise RunDirectoryError(f"{path} does not have the columns of this version's tables; remove it")
+        return [_parse(cells, path, reader.line_num) for cells in reader]
+    except (OSError, ValueError, csv.Error) as error:
         raise RunDirectoryError(f"{path} is not a table of runs ({error}); remove it") from None
 
 
@@ -122,7 +124,7 @@ def ambiguity(rows: Iterable[Row]) -> str:
 def _parse(cells: Sequence[str], path: Path, line: int) -> Row:
     try:
         row = Row(**{field.name: PARSERS[str(field.type)](text) for field, text in zip(fields(Row), cells, strict=True)})
-        if not (row.id and row.target and row.arm and isinstance(json.loads(row.overrides), dict)):
+        if not (row.id and row.target and row.arm and isinstance(parse(row.overrides, object), dict)):
             raise ValueError(row)
         if row.finished and math.isnan(row.eval_return_mean):
             raise ValueError(row)
@@ -138,11 +140,18 @@ def _number(text: str) -> float:
     return value
 
 
+def _whole(text: str) -> int:
+    number = int(text) if len(text) < 20 else -1
+    if not 0 <= number < 2**63:
+        raise ValueError(text)
+    return number
+
+
 PARSERS: Mapping[str, Callable[[str], Any]] = {
     "str": str,
-    "int": int,
+    "int": _whole,
     "float": _number,
-    "int | None": lambda text: int(text) if text else None,
+    "int | None": lambda text: _whole(text) if text else None,
     "float | None": lambda text: _number(text) if text else None,
 }
 """From the text of a cell, by the annotation of its field."""

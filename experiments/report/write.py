@@ -11,7 +11,7 @@ from experiments.report.figures import draw_all
 from experiments.report.matrix import load_matrix
 from experiments.report.page import write_page
 from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows, verdict_rows
-from transferkit.errors import RunDirectoryError
+from transferkit.errors import RunDirectoryError, printable
 
 TABLES = ("runs", "arms", "verdicts", "aggregates", "curves", "paper_measures")
 WRITTEN = (*(f"{name}.csv" for name in TABLES), "curves_*.png", "curves_*.svg", "profiles.png", "profiles.svg")
@@ -42,7 +42,7 @@ def report(results: Path, out: Path) -> None:
     write_page(matrix, pictures, tables, out)
     if matrix.damaged:
         count, first = len(matrix.damaged), matrix.damaged[0]
-        print(f"{count} damaged, in no table (the page names them; {first}): run the matrix again", file=sys.stderr)
+        print(f"{count} damaged, in no table (the page names them; {printable(first)}): run the matrix again", file=sys.stderr)
     print(f"{out}: {len(matrix.rows)} runs, {time.monotonic() - started:.1f} s; figures and tables in {folder}")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import io
 import os
 import sys
 import threading
@@ -13,8 +12,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import JSON_FLAG, Parser
+from transferkit.cli.streams import check_readable, drop_output, mend_surroundings
 from transferkit.cli.wording import worded
-from transferkit.errors import ConfigError, InterruptedRunError, TransferkitError, UnknownNameError
+from transferkit.errors import InterruptedRunError, TransferkitError, UnknownNameError
 
 if TYPE_CHECKING:
     from transferkit.cli.answer import Answer
@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, 2 after a mistake, 130 after Ctrl-C."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch is imported; more threads slow small networks down
     threading.excepthook = _one_line
-    _mend_streams()
+    mend_surroundings()
     given = list(sys.argv[1:] if argv is None else argv)
     arguments = [argument for argument in given if argument != JSON_FLAG]
     try:
@@ -54,19 +54,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except BrokenPipeError:  # `| head` has read enough
-        return _drop_output(BROKEN_PIPE)
+        return drop_output(BROKEN_PIPE)
     except KeyboardInterrupt:
         return _say(f"stopped at once{KEPT.get(arguments[0], '')}", INTERRUPTED)
     except TransferkitError as error:
         return _say(worded(error), INTERRUPTED if isinstance(error, InterruptedRunError) else USER_ERROR)
     except OSError as error:  # perhaps of the output
-        return _drop_output(_say(worded(error), USER_ERROR))
+        return drop_output(_say(worded(error), USER_ERROR))
 
 
 def _run(arguments: Sequence[str], *, as_json: bool) -> int:
-    for argument in arguments:
-        if not argument.isascii() and argument.encode(errors="replace").decode() != argument:
-            raise ConfigError(f"this locale cannot read the argument {argument!r}", remedy="set PYTHONUTF8=1, or use ASCII")
+    check_readable(arguments)
     parser = _parser()
     if not arguments:
         parser.print_help()
@@ -77,24 +75,6 @@ def _run(arguments: Sequence[str], *, as_json: bool) -> int:
     answer: Answer = importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:])
     answer.show(as_json=as_json)
     return answer.code
-
-
-def _mend_streams() -> None:
-    """Open a stream that the caller has closed (`>&-`), so that no file gets its number; write what the locale cannot hold."""
-    for number, name in enumerate(("stdin", "stdout", "stderr")):
-        if getattr(sys, name) is None:
-            os.dup2(os.open(os.devnull, os.O_RDWR), number)
-            os.set_inheritable(number, True)
-            setattr(sys, name, open(number, "w" if number else "r"))  # noqa: SIM115 - until the end
-    if isinstance(sys.stdout, io.TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")
-
-
-def _drop_output(code: int) -> int:
-    """Let Python flush what is left of the output, which cannot be written, into nothing."""
-    with contextlib.suppress(OSError, ValueError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    return code
 
 
 def _parser() -> Parser:

@@ -16,7 +16,7 @@ def main(arguments: Sequence[str]) -> Answer:
     options = flags.parse_args(arguments)
     from transferkit.record.recover import recover  # noqa: PLC0415 - torch takes seconds to import
 
-    out = options.out or options.file.with_suffix(".recovered.mcap")
+    out = options.out or Path(str(options.file).removesuffix(".mcap") + ".recovered.mcap")
     messages, cut = recover(options.file, out)
     text = f"{out}: {messages} messages; {options.file} was {'cut' if cut else 'whole'}"
     return Answer({"recording": str(out), "messages": messages, "cut": cut}, text)

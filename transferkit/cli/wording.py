@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from transferkit.errors import TransferkitError
+from transferkit.errors import TransferkitError, printable
 
 MORE = {
     "commands": "`transferkit --help` lists the commands",
@@ -30,5 +30,5 @@ def worded(error: Exception) -> str:
     """Put an error into one line."""
     if not isinstance(error, TransferkitError):
         parts = (error.filename, error.strerror) if isinstance(error, OSError) and error.strerror else (error,)
-        return ": ".join(str(part) for part in parts if part)
+        return printable(": ".join(str(part) for part in parts if part))
     return error.worded(flag, MORE.get(error.topic, ""))

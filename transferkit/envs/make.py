@@ -67,8 +67,12 @@ def make_env(
             return raw
         raw, clip_actions = raw.env, clip_actions and raw.clip
     name = env if isinstance(env, str) else _name(raw)
-    for what, space, bounded in (("action", raw.action_space, True), ("observation", raw.observation_space, False)):
-        if not isinstance(space, Box) or len(space.shape) != 1 or (bounded and not space.is_bounded()):
+    try:
+        spaces = (("action", raw.action_space, True), ("observation", raw.observation_space, False))
+    except Exception as error:  # of an environment of the user's
+        raise failed(name, "its spaces", error) from error
+    for what, space, bounded in spaces:
+        if not isinstance(space, Box) or len(space.shape) != 1 or not space.shape[0] or (bounded and not space.is_bounded()):
             raise EnvironmentContractError(
                 f"{what} space of {name}",
                 value=space,
@@ -126,7 +130,7 @@ class Contract(gymnasium.Wrapper):
         try:
             observation, info = self.env.reset(seed=seed, options=options)
             observation = np.array(observation, np.float32)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._broken(error, "reset") from error
         self._check(observation, 0.0, info)
         return observation, info
@@ -147,7 +151,7 @@ class Contract(gymnasium.Wrapper):
             observation, reward, terminated, truncated, info = self.env.step(scaled)
             observation, reward = np.array(observation, np.float32), float(reward)
             terminated, truncated = bool(terminated), bool(truncated)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise self._broken(error, f"step {self._steps}") from error
         self._check(observation, reward, info)
         if self._steps >= self._most and not terminated and not truncated:
@@ -155,6 +159,13 @@ class Contract(gymnasium.Wrapper):
             if self._given_up:
                 _say_given_up(_name(self.env))
         return observation, reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Close the environment."""
+        try:
+            self.env.close()
+        except (Exception, SystemExit) as error:
+            raise self._broken(error, "close") from error
 
     def _check(self, observation: NDArray[np.float32], reward: float, info: object) -> None:
         if observation.shape != self.observation_space.shape or not isinstance(info, dict):
@@ -173,14 +184,18 @@ class Contract(gymnasium.Wrapper):
             remedy="check the environment, or lower the learning rate",
         )
 
-    def _broken(self, error: Exception, where: str) -> TransferkitError:
+    def _broken(self, error: BaseException, where: str) -> TransferkitError:
         return error if isinstance(error, TransferkitError) else failed(_name(self.env), where, error)
 
 
-def failed(env: str, where: str, error: Exception) -> EnvironmentContractError:
+def failed(env: str, where: str, error: BaseException) -> EnvironmentContractError:
     """The one line about an exception in somebody else's code."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
-    reason = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    try:
+        words = str(error)
+    except Exception:  # of an error of the environment's own
+        words = "no reason that can be written"
+    reason = " ".join(f"{type(error).__name__}: {words}".split())[:300]
     place = f"{Path(frame.filename).name}, line {frame.lineno}"
     return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="environments")
 
@@ -226,7 +241,7 @@ def _from_id(env_id: str, render_mode: str | None) -> gymnasium.Env:
     except (gymnasium.error.Error, ModuleNotFoundError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise EnvironmentContractError(f"environment {env_id} cannot be made: {reason}", topic="environments") from error
-    except Exception as error:  # of a module or an environment of the user's
+    except (Exception, SystemExit) as error:  # of a module or an environment of the user's
         raise failed(env_id, "making it", error) from error
 
 

@@ -95,7 +95,9 @@ class Sandwiched(Paper):
     @property
     def weights(self) -> int:
         """Numbers in its matrices."""
-        return self.core.weights + self.residual * (self.target.obs_dim + self.target.act_dim)
+        source, target = self.source.obs_dim, self.target
+        beside = self.finetune * source**2 + self.residual * (target.obs_dim + target.act_dim)
+        return self.core.weights + beside
 
     def build(self) -> Policy:
         """Build it with zero weights."""

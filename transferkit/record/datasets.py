@@ -81,11 +81,11 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
     minari = _minari()
     try:
         loaded = minari.load_dataset(dataset)
-    except (FileNotFoundError, ValueError) as error:
-        raise RecordingError(
-            f"no Minari dataset {dataset} here ({str(error).splitlines()[0]})", remedy="`minari list local` lists them"
-        ) from None
-    columns = _columns(list(loaded.iterate_episodes()), dataset)
+        episodes = list(loaded.iterate_episodes())
+    except Exception as error:  # whatever Minari and h5py raise for what is no dataset
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise RecordingError(f"no Minari dataset {dataset} here ({reason})", remedy="`minari list local` lists them") from None
+    columns = _columns(episodes, dataset)
     for what, array, dim in (("observation", columns[0], spec.obs_dim), ("action", columns[1], spec.act_dim)):
         if array.shape[1:] != (dim,):
             raise RecordingError(f"Minari dataset {dataset} has {what}s of shape {array.shape[1:]}, {spec.env_id} has ({dim},)")
@@ -113,7 +113,7 @@ def _columns(episodes: Sequence[Any], dataset: str) -> list[NDArray[Any]]:
 
 def _shares(actions: NDArray[Any], space: Box) -> NDArray[Any]:
     """Turn actions into shares of their space's range, as everywhere here; leave them as they are if it has no bounds."""
-    if not (np.isfinite(space.low).all() and np.isfinite(space.high).all()):
+    if not isinstance(space, Box) or not (np.isfinite(space.low).all() and np.isfinite(space.high).all()):
         return actions
     centre, half = (space.high + space.low) / 2, (space.high - space.low) / 2
     return np.clip((actions - centre) / half, -1.0, 1.0)

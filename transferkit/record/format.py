@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -45,6 +46,14 @@ class About:
     episodes: Count | None = None
     """How many it was to hold."""
     max_episode_steps: Count | None = None
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The metadata of an episode that is whole; more than these is for people."""
+
+    index: Count
+    steps: Count
 
 
 class Step(msgspec.Struct, rename={"return_": "return"}):
@@ -99,7 +108,8 @@ class Names:
 def distinct(names: Sequence[str]) -> list[str]:
     """Make plain words of names, which message paths of plotting tools can hold; those that occur twice get their index."""
     plain = [re.sub(r"\W+", "_", name).strip("_") for name in names]
-    once = [name if plain.count(name) == 1 else f"{name}_{i}" for i, name in enumerate(plain)]
+    count = Counter(plain)
+    once = [name if count[name] == 1 else f"{name}_{i}" for i, name in enumerate(plain)]
     return once if len(set(once)) == len(once) else [f"{name}_{i}" for i, name in enumerate(plain)]
 
 

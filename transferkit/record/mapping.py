@@ -173,6 +173,8 @@ def _series(path: Path, mapping: dict[str, Source]) -> tuple[dict[str, Series], 
             seen.add(record.topic)
         elif isinstance(record, Message) and record.channel_id in channels and channels[record.channel_id].topic in by_topic:
             channel = channels[record.channel_id]
+            if record.log_time >= 2**63:
+                raise RecordingError(f"{path}: a message on {channel.topic} has no time")
             message = _decode(channel, schemas.get(channel.schema_id), record.data, protobuf, path)
             for name in by_topic[channel.topic]:
                 rows[name].append((record.log_time, [_value(message, field, channel.topic) for field in mapping[name].fields]))

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import lz4.frame
 import zstandard
@@ -21,6 +22,9 @@ MAGIC = b"\x89MCAP0\r\n"
 
 RATIO, ALLOWANCE = 200, 2**20
 """A chunk is no larger than so many times its compressed bytes, and so many more: real ones are 3 to 20 times as large."""
+
+LARGEST = 2**28
+"""Bytes of a record."""
 
 READERS: dict[int, Any] = {
     Opcode.SCHEMA: Schema.read,
@@ -58,15 +62,20 @@ def records(path: Path) -> Iterator[Any]:
             head = file.read(9)
             length = int.from_bytes(head[1:], "little")
             left -= 9 + length
-            if len(head) < 9 or left < 0:
+            if len(head) < 9 or left < 0 or length > LARGEST or not head[0]:
                 yield Damage(cut=True)
                 return
             opcode, content = head[0], file.read(length)
             if opcode == Opcode.DATA_END:  # what follows repeats what was before it
-                yield from _end(content, checksum, file.read()[-len(MAGIC) :])
+                yield from _end(content, checksum, _tail(file))
                 return
             checksum = zlib.crc32(content, zlib.crc32(head, checksum))
             yield from _whole(opcode, content)
+
+
+def _tail(file: BinaryIO) -> bytes:
+    file.seek(-len(MAGIC), os.SEEK_END)
+    return file.read()
 
 
 def _whole(opcode: int, content: bytes) -> list[Any]:

@@ -105,7 +105,7 @@ def record_evaluation(subject: Subject, run: Path, steps: int) -> None:
 
 def reward_terms(info: Mapping[str, Any]) -> dict[str, float]:
     """Pick the terms of the reward that an environment names, as Gymnasium's do."""
-    return {name: float(value) for name, value in info.items() if name.startswith("reward_") and isinstance(value, Real)}
+    return {name: float(value) for name, value in info.items() if str(name).startswith("reward_") and isinstance(value, Real)}
 
 
 class _Tape:

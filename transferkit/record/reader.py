@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,13 +16,14 @@ from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
 from transferkit.reading import FormatError, typed
-from transferkit.record.format import ABOUT, EPISODE, STEP, VERSION, About, Names, Step, from_metadata
+from transferkit.record.format import ABOUT, EPISODE, STEP, VERSION, About, Ended, Names, Step, from_metadata
 from transferkit.record.mcap_file import Damage, records
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
 
-CUT, DAMAGED, SHORT = "is cut", "is damaged", "holds fewer episodes than it was to"
+CUT, DAMAGED = "is cut", "is damaged"
+SHORT, LACKING = "holds fewer episodes than it was to", "lacks steps of its episodes"
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def read(path: Path, *, about_only: bool = False) -> Contents:
     Raises:
         RecordingError: it does not exist, is not an MCAP file, or its metadata or a step has not the form of one.
     """
-    about, steps, episodes, flaw, channel = None, [], 0, "", None
+    about, steps, episodes, flaw, channel = None, [], {}, "", None
     step_of = msgspec.json.Decoder(Step).decode
     try:
         for record in records(path):
@@ -85,13 +87,21 @@ def read(path: Path, *, about_only: bool = False) -> Contents:
                 if about_only:
                     break
             elif isinstance(record, Metadata) and record.name == EPISODE:
-                from_metadata(record.metadata, dict)
-                episodes += 1
+                ended = from_metadata(record.metadata, Ended)
+                episodes[ended.index] = ended.steps
     except (FormatError, msgspec.MsgspecError, ValueError, RecursionError) as error:
         raise RecordingError(f"{path} is damaged: {error}", remedy="record it again", topic="recordings") from None
-    if not flaw and about is not None and about.episodes not in (None, episodes):
-        flaw = SHORT
+    if about is not None and not about_only:
+        flaw = flaw or _missing(about, episodes, steps)
     return Contents(about, steps, "" if about_only else flaw)
+
+
+def _missing(about: About, episodes: Mapping[int, int], steps: Sequence[Step]) -> str:
+    """What a file says it holds, and does not: some of its steps were lost when it was recovered from a damaged one."""
+    if about.episodes not in (None, len(episodes)):
+        return SHORT
+    counts = Counter(step.episode for step in steps)
+    return "" if all(counts[index] == count for index, count in episodes.items()) else LACKING
 
 
 def read_transitions(path: str | Path, spec: IOSpec) -> Transitions:

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import imageio_ffmpeg
+import numpy as np
+from numpy.typing import NDArray
 
+from transferkit.envs import failed
 from transferkit.files import new_file
 
 if TYPE_CHECKING:
@@ -36,7 +39,7 @@ def video(path: Path, time_step: float) -> Iterator[OnFrame]:
     def add(env: gymnasium.Env) -> None:
         nonlocal writer, steps, sent
         if steps % every == 0:
-            frame: Any = env.render()  # an array in this mode
+            frame = _frame(env)
             if writer is None:
                 writer = imageio_ffmpeg.write_frames(str(temporary), frame.shape[1::-1], fps=fps, **OPTIONS)
                 writer.send(None)
@@ -52,6 +55,14 @@ def video(path: Path, time_step: float) -> Iterator[OnFrame]:
                 writer.close()
         if _frames(temporary) != sent:
             raise OSError("ffmpeg could not write all of it; is the disk full?")
+
+
+def _frame(env: gymnasium.Env) -> NDArray[np.uint8]:
+    try:
+        frame: Any = env.render()  # an array in this mode
+        return np.asarray(frame, np.uint8).reshape(*frame.shape[:2], 3)
+    except Exception as error:  # of an environment of the user's
+        raise failed(type(env.unwrapped).__name__, "render", error) from error
 
 
 def _frames(path: Path) -> int:

@@ -40,6 +40,7 @@ class RunDirectory:
     def __init__(self, path: Path) -> None:
         """Use `create` or `resume`."""
         self.path = path
+        self._check_regular()
         self._lock = self._acquire()
         self._tables: dict[str, TextIO] = {}
 
@@ -133,6 +134,13 @@ class RunDirectory:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    def _check_regular(self) -> None:
+        """Refuse links, pipes and devices, which a folder from a stranger may have in place of files that are written."""
+        names = (LOCK, RECORD, CHECKPOINT, POLICY, RESULT, *(kind.file(self.path).name for kind in TABLES))
+        for path in (self.path / name for name in names):
+            if path.is_symlink() or (path.exists() and not path.is_file()):
+                raise RunDirectoryError(f"{path} is not a regular file", remedy="choose another {out}")
 
     def _acquire(self) -> TextIO:
         with writing(self.path):

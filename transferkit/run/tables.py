@@ -15,7 +15,7 @@ from transferkit.files import damaged_run, read_json
 from transferkit.reading import FormatError, read_bytes
 from transferkit.run.result import RESULT, Checksums
 
-LARGEST = 256 * 2**20
+LARGEST = 64 * 2**20
 """Bytes of a table."""
 
 

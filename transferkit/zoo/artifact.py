@@ -13,7 +13,7 @@ from torch import Tensor
 
 from transferkit.errors import ArtifactError
 from transferkit.files import write_atomically, write_json
-from transferkit.nn import Architecture, EnsembleArchitecture
+from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
 from transferkit.policy.core import Core
 from transferkit.reading import FormatError, read_bytes, typed
 from transferkit.streams import Streams
@@ -92,6 +92,10 @@ def _core(card: Card, components: dict[str, dict[str, Tensor]]) -> Core:
     policy = typed(kinds["policy"].architecture, Architecture)
     if (policy.obs_dim, policy.act_dim) != (card.source.obs_dim, card.source.act_dim):
         raise FormatError(f"its policy has {policy.obs_dim} inputs and {policy.act_dim} actions, its source others")
+    outputs = {"critic": 1, "dynamics": Dynamics.out_dim(policy.obs_dim)}
+    for name, ensemble in ensembles.items():
+        if (ensemble.in_dim, ensemble.out_dim) != (policy.obs_dim + policy.act_dim, outputs[name]):
+            raise FormatError(f"{name} has {ensemble.in_dim} inputs and {ensemble.out_dim} outputs")
     for name, architecture in {"policy": policy, **ensembles}.items():
         tensors = components[name].values()
         if any(len(tensor) != len(card.seeds) for tensor in tensors):

@@ -51,7 +51,7 @@ class Score:
     low: float
     high: float
     """95 % interval over members: Student's, or a bootstrap's in older cores."""
-    episodes: Count
+    episodes: Annotated[int, msgspec.Meta(ge=1, le=1000)]
     """Per member."""
     seed: Count
     """Seed of the evaluation."""

@@ -32,7 +32,7 @@ from transferkit.table import format_table
 if TYPE_CHECKING:
     from experiments.bench.faults.formats import Format
 
-BATCH, SECONDS, BYTES = 500, 10.0, 2**30
+BATCH, SECONDS, BYTES = 2000, 10.0, 2**30
 OUTCOMES = ("equal", "usable", "refused", "wrong")
 HEADER = ("format", "mutants", "read as written", "forged and usable", "refused in one line", "anything else")
 SHOWN = 50
