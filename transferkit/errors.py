@@ -43,12 +43,6 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(close)}?" if close else ""
 
 
-def shown(value: object) -> str:
-    """Write a value, or the beginning of a long one."""
-    text = repr(value)
-    return text if len(text) <= LONGEST_VALUE else f"{text[:LONGEST_VALUE]}..."
-
-
 class TransferkitError(Exception):
     """Base of every error that is worth one line instead of a traceback."""
 
@@ -76,7 +70,7 @@ class TransferkitError(Exception):
 
     def _problem(self, spell: Spelling) -> str:
         what = _OPTION.sub(lambda match: spell(match[1], match[2]), self.what)
-        given = what if self.value is NOT_GIVEN else f"{what}={shown(self.value)}"
+        given = what if self.value is NOT_GIVEN else f"{what}={printable(repr(self.value), LONGEST_VALUE)}"
         return f"{given} must be {self.allowed}" if self.allowed else given
 
     def __reduce__(self) -> tuple[Any, ...]:  # exceptions cross processes by pickle
@@ -97,7 +91,7 @@ class SettingError(ConfigError):
     """A setting with a value that it cannot have; `what` is its dotted name."""
 
     def _problem(self, spell: Spelling) -> str:
-        return f"{spell(self.what, None)}={shown(self.value)} must be {self.allowed}"
+        return f"{spell(self.what, None)}={printable(repr(self.value), LONGEST_VALUE)} must be {self.allowed}"
 
 
 class UnknownNameError(TransferkitError):

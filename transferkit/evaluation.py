@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from transferkit import stats
 from transferkit.config.checks import EPISODES, check_value
-from transferkit.envs import dims, make_env, rollout
+from transferkit.envs import dims, make_env, name_of, rollout
 from transferkit.errors import NotFiniteError
 from transferkit.streams import Streams
 
@@ -105,7 +105,7 @@ def evaluate(
     streams, options = Streams(seed), {"clip_actions": clip_actions, "max_episode_steps": max_episode_steps}
     pool = [make_env(env if isinstance(env, str) else env(), **options) for _ in range(min(POOL, episodes))]
     if fits := getattr(policy, "check_fits", None):  # not every actor is a policy
-        fits(dims(pool[0]), env if isinstance(env, str) else type(pool[0].unwrapped).__name__)
+        fits(dims(pool[0]), name_of(env if isinstance(env, str) else pool[0]))
     returns, lengths, ended = np.zeros(episodes), np.zeros(episodes, int), 0
     for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
         returns[step.episode] += step.reward

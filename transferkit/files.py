@@ -15,7 +15,7 @@ from transferkit.reading import FormatError, parse, read_bytes, sealed, typed, u
 T = TypeVar("T")
 
 LARGEST = 16 * 2**20
-"""Bytes of a JSON file or a table."""
+"""Bytes of a JSON file."""
 
 
 def check_new(path: Path, option: str, ending: str = "") -> None:

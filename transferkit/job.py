@@ -67,7 +67,9 @@ class Job:
         check_folder(self.out, "out")
         self._budget()
         _device(self.config.device)
-        self.policy.check_fits(dims(self.make_env()), self.config.env)
+        env = self.make_env()
+        self.policy.check_fits(dims(env), self.config.env)
+        env.close()
 
     def experience(self, *, resume: bool) -> tuple[Transitions | None, Ledger]:
         """Load the recordings to start with and their ledger; a run that has a checkpoint needs them no more."""
@@ -118,9 +120,9 @@ class Job:
         """Evaluate the policy as it would be loaded, and record an episode if one is due."""
         policy, config = as_saved(self.policy), self.config
         if self.record_every and session.evaluations % self.record_every == 0:
-            about = {"run": str(self.out), "core": config.core, "training_seed": config.seed}
-            subject = Subject(policy, config.env, **asdict(config.env_config), about={**about, "steps": session.spent.steps})
-            record_evaluation(subject, self.out, session.spent.steps)
+            steps = session.spent.steps
+            about = {"run": str(self.out), "core": config.core, "training_seed": config.seed, "steps": steps}
+            record_evaluation(Subject(policy, config.env, **asdict(config.env_config), about=about), self.out, steps)
         return evaluate(policy, self.make_env, episodes=config.eval_episodes).scores()
 
     def trained(self, trainer: Trainer) -> dict[str, Any]:

@@ -18,10 +18,10 @@ from transferkit.nn import Critic, Ensemble, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
 from transferkit.policy.saved import load_policy, load_saved
-from transferkit.reading import FormatError
 from transferkit.record.play import Subject
 from transferkit.run import POLICY, RECORD, read_beside, read_record
 from transferkit.streams import Streams
+from transferkit.tensors import check_enough
 from transferkit.zoo.artifact import load_core
 from transferkit.zoo.catalog import find_card
 
@@ -111,8 +111,7 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
 def _critics(config: TrainConfig, saved: Beside, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic | None:
     """Build the critics of a policy, or of the core that its run was trained around, with other weights."""
     if architecture := saved.architecture:
-        if architecture.weights > sum(tensor.numel() for tensor in saved.weights.values()):
-            raise FormatError("its critics have fewer numbers than their architecture")
+        check_enough(saved.weights.values(), architecture.weights, "its critic")
         return Critic(JointInput(policy.normalizer), Ensemble(architecture))
     return None if config.core is None else _wrapped_critic(config, digest, policy, run_dir)
 

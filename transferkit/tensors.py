@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import safetensors
@@ -52,6 +52,16 @@ def parse_tensors(blob: bytes) -> tuple[dict[str, Tensor], dict[str, str]]:
         if not torch.isfinite(tensor).all():
             raise FormatError(f"{name} has NaN or infinite numbers")
     return tensors, metadata
+
+
+def check_enough(tensors: Iterable[Tensor], weights: int, what: str) -> None:
+    """Check that there are as many numbers as an architecture has weights, before any of it is allocated.
+
+    Raises:
+        FormatError: there are fewer.
+    """
+    if weights > sum(tensor.numel() for tensor in tensors):
+        raise FormatError(f"{what} has fewer numbers than its architecture")
 
 
 def _split(blob: bytes) -> tuple[dict[str, Any], bytes]:

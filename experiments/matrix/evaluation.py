@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
 from experiments.matrix.cell_folder import SPEED
-from transferkit.envs import dims, make_env, rollout
+from transferkit.envs import dims_of, make_env, rollout
 from transferkit.evaluation import POOL, RandomPolicy, ZeroPolicy, evaluate
 from transferkit.files import write_json
 from transferkit.run.directory import RECORD, RESULT
@@ -29,9 +29,7 @@ REPORTED = "x_velocity"
 def actor_without_policy(cell: Cell) -> Actor:
     """What acts in an arm that has no policy."""
     assert cell.arm in UNTRAINED
-    env = make_env(cell.config.env)
-    act_dim = dims(env)[1]
-    env.close()
+    act_dim = dims_of(cell.config.env)[1]
     return ZeroPolicy(act_dim) if cell.arm == ZERO_ACTION else RandomPolicy(act_dim, cell.config.seed)
 
 

@@ -6,20 +6,7 @@ from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from mcap.writer import Writer
 from mcap_protobuf.schema import register_schema
 
-MAPPING = """
-[observation]
-topic = "/state"
-fields = ["position.0", "position.1", "velocity.0", "velocity.1"]
-[action]
-topic = "/command"
-fields = ["x"]
-[reward]
-topic = "/reward"
-field = "value"
-[terminated]
-topic = "/reward"
-field = "done"
-"""
+from experiments.bench.faults.recordings import MAPPING as MAPPING
 
 
 def write_foreign(path, steps=5, command=lambda k: k / 10):

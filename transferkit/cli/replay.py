@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
-from transferkit.errors import ConfigError
 from transferkit.files import check_new
 from transferkit.renderer import choose_renderer
 
@@ -39,9 +38,7 @@ def _replay(file: Path, env: str | None) -> Replayed:
 
 
 def _with_video(file: Path, out: Path, env: str | None) -> Replayed:
-    check_new(out, "video")
-    if out.suffix != ".mp4":
-        raise ConfigError(f"ending of {out}", value=out.suffix, allowed=".mp4")
+    check_new(out, "video", ".mp4")
     choose_renderer()  # before mujoco is imported: PyOpenGL stays with what it was first loaded for
     from transferkit.record.reader import read, spec_of  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.replay import replay_recording  # noqa: PLC0415 - torch takes seconds to import

@@ -66,7 +66,7 @@ def make_env(
         if (clip_actions or not raw.clip) and max_episode_steps is None:
             return raw
         raw, clip_actions = raw.env, clip_actions and raw.clip
-    name = env if isinstance(env, str) else _name(raw)
+    name = name_of(env)
     try:
         spaces = (("action", raw.action_space, True), ("observation", raw.observation_space, False))
     except Exception as error:  # of an environment of the user's
@@ -157,7 +157,7 @@ class Contract(gymnasium.Wrapper):
         if self._steps >= self._most and not terminated and not truncated:
             truncated = True
             if self._given_up:
-                _say_given_up(_name(self.env))
+                _say_given_up(name_of(self.env))
         return observation, reward, terminated, truncated, info
 
     def close(self) -> None:
@@ -171,12 +171,12 @@ class Contract(gymnasium.Wrapper):
         if observation.shape != self.observation_space.shape or not isinstance(info, dict):
             returned = f"an observation of shape {observation.shape} and info of type {type(info).__name__}"
             raise EnvironmentContractError(
-                f"environment {_name(self.env)} returned {returned}, not {self.observation_space.shape} and dict",
+                f"environment {name_of(self.env)} returned {returned}, not {self.observation_space.shape} and dict",
                 topic="environments",
             )
         # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
         if not math.isfinite(observation.sum(dtype=np.float64) + reward):
-            raise self._not_finite(f"environment {_name(self.env)} returned an observation or a reward")
+            raise self._not_finite(f"environment {name_of(self.env)} returned an observation or a reward")
 
     def _not_finite(self, what: str) -> NotFiniteError:
         return NotFiniteError(
@@ -185,7 +185,7 @@ class Contract(gymnasium.Wrapper):
         )
 
     def _broken(self, error: BaseException, where: str) -> TransferkitError:
-        return error if isinstance(error, TransferkitError) else failed(_name(self.env), where, error)
+        return error if isinstance(error, TransferkitError) else failed(name_of(self.env), where, error)
 
 
 def failed(env: str, where: str, error: BaseException) -> EnvironmentContractError:
@@ -213,6 +213,15 @@ def dims(env: gymnasium.Env) -> tuple[int, int]:
     assert observations is not None
     assert actions is not None
     return observations[0], actions[0]
+
+
+def dims_of(env: str | gymnasium.Env) -> tuple[int, int]:
+    """As `dims`, of an environment by id, which is made for it and closed, or of one of your own."""
+    made = make_env(env)
+    found = dims(made)
+    if isinstance(env, str):
+        made.close()
+    return found
 
 
 def episode_limit(env: gymnasium.Env) -> int | None:
@@ -253,5 +262,8 @@ def _from_suite(env_id: str, render_mode: str | None) -> gymnasium.Env:
     return envs_dmc.make(env_id, render_mode)
 
 
-def _name(env: gymnasium.Env) -> str:
+def name_of(env: str | gymnasium.Env) -> str:
+    """The id of an environment, or the name of its class if it has none."""
+    if isinstance(env, str):
+        return env
     return env.spec.id if env.spec is not None else type(env.unwrapped).__name__

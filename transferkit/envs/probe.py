@@ -18,7 +18,7 @@ import gymnasium
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.joints import read_actuators, read_joints, unknown_actuators
-from transferkit.envs.make import dims, episode_limit, failed, make_env, time_step
+from transferkit.envs.make import dims, episode_limit, failed, make_env, name_of, time_step
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import TransferkitError
 from transferkit.spec import Element, IOSpec
@@ -48,7 +48,7 @@ def derive_spec(env: str | gymnasium.Env) -> IOSpec:
 
 def _derive(env: str | gymnasium.Env) -> IOSpec:
     made = make_env(env)
-    name = env if isinstance(env, str) else (made.spec.id if made.spec else type(made.unwrapped).__name__)
+    name = name_of(env)
     try:
         made.reset(seed=0)
         return _spec(made, name)

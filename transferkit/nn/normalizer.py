@@ -5,6 +5,8 @@ from __future__ import annotations
 import torch
 from torch import Tensor, nn
 
+from transferkit.reading import FormatError
+
 CLIP = 10.0
 """Standard deviations; as in OpenAI baselines' VecNormalize."""
 
@@ -66,5 +68,7 @@ class Shared:
 
 
 def _refresh(normalizer: Normalizer, _: object) -> None:
-    """Follow statistics that were loaded."""
+    """Follow statistics that were loaded, whoever wrote them."""
+    if bool((normalizer.var < 0).any() or normalizer.count < 0):
+        raise FormatError("a normaliser has a negative variance or count")
     normalizer.refresh()

@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 
 from transferkit.config.checks import check_kind
-from transferkit.envs import dims, make_env, rollout
+from transferkit.envs import dims_of, make_env, name_of, rollout
 from transferkit.nn import MLP, gaussian
 from transferkit.policy.base import Policy
 from transferkit.streams import Streams
@@ -74,7 +74,7 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
         ConfigError: no policy, or one of other dimensions.
     """
     check_kind("policy", policy, Policy, "make one with wrap or scratch_policy")
-    policy.check_fits(dims(make_env(env)), env if isinstance(env, str) else type(env.unwrapped).__name__)
+    policy.check_fits(dims_of(env), name_of(env))
     device = next(policy.parameters()).device
     observation = torch.from_numpy(play(env, steps, seed)).to(device)
     outputs: list[torch.Tensor] = []

@@ -11,7 +11,7 @@ import torch
 
 from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_version
 from transferkit.config.checks import check_kind
-from transferkit.envs import derive_spec, dims, make_env
+from transferkit.envs import derive_spec, dims_of
 from transferkit.errors import DimensionError, UnknownNameError
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
@@ -92,10 +92,7 @@ def scratch_policy(env: str | gymnasium.Env, network: NetworkConfig | None = Non
     """
     network = NetworkConfig() if network is None else network
     check_kind("network", network, NetworkConfig, "make one, such as NetworkConfig(hidden=(64, 64))")
-    made = make_env(env)
-    obs_dim, act_dim = dims(made)
-    if isinstance(env, str):
-        made.close()
+    obs_dim, act_dim = dims_of(env)
     return _scratch(obs_dim, act_dim, network, Streams(seed).torch("policy initialisation"))
 
 

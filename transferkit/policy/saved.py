@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +18,10 @@ from transferkit.policy.base import ConstantPolicy, ScratchPolicy
 from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
-from transferkit.reading import Count, FormatError, Size, typed
+from transferkit.reading import Count, Size, typed
 from transferkit.run import POLICY, load_state
 from transferkit.spec import IOSpec
+from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
     from transferkit.policy.base import Policy
@@ -144,9 +144,10 @@ def load_policy(run_dir: str | Path) -> Policy:
     """
     saved = load_saved(run_dir)
     with damaged_run(Path(run_dir) / POLICY):
-        policy = build(saved.blueprint, numbers=sum(tensor.numel() for tensor in saved.weights.values()))
+        plan = _plan(saved.blueprint)
+        check_enough(saved.weights.values(), plan.weights, "its blueprint")
+        policy = plan.build()
         policy.load_state_dict(saved.weights)
-        check_normalizers(policy)
     return policy
 
 
@@ -170,27 +171,17 @@ def load_saved(run_dir: str | Path) -> Saved:
         return typed(state, Saved)
 
 
-def build(blueprint: Mapping[str, Any], *, numbers: float = math.inf) -> Policy:
+def build(blueprint: Mapping[str, Any]) -> Policy:
     """Build the policy of a blueprint with zero weights; load its state dict next.
 
     Raises:
-        FormatError: not a blueprint of this version, or of more weights than `numbers`.
+        FormatError: not a blueprint of this version.
     """
-    plan = typed(blueprint, KINDS.get(str(blueprint.get("kind")), Sandwiched))
-    if plan.weights > numbers:
-        raise FormatError(f"its blueprint has {plan.weights:,} weights, the file {numbers:,.0f} numbers")
-    return plan.build()
+    return _plan(blueprint).build()
 
 
-def check_normalizers(module: nn.Module) -> None:
-    """Check statistics that were loaded.
-
-    Raises:
-        FormatError: a variance or a count is negative.
-    """
-    for part in module.modules():
-        if isinstance(part, Normalizer) and bool((part.var < 0).any() or part.count < 0):
-            raise FormatError("a normaliser has a negative variance or count")
+def _plan(blueprint: Mapping[str, Any]) -> Constant | Scratch | Paper:
+    return typed(blueprint, KINDS.get(str(blueprint.get("kind")), Sandwiched))
 
 
 def as_saved(policy: Policy) -> Policy:

@@ -12,7 +12,7 @@ import imageio_ffmpeg
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs import failed
+from transferkit.envs import failed, name_of
 from transferkit.files import new_file
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def _frame(env: gymnasium.Env) -> NDArray[np.uint8]:
         frame: Any = env.render()  # an array in this mode
         return np.asarray(frame, np.uint8).reshape(*frame.shape[:2], 3)
     except Exception as error:  # of an environment of the user's
-        raise failed(type(env.unwrapped).__name__, "render", error) from error
+        raise failed(name_of(env), "render", error) from error
 
 
 def _frames(path: Path) -> int:

@@ -17,7 +17,7 @@ from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
 from transferkit.policy.core import Core
 from transferkit.reading import FormatError, read_bytes, typed
 from transferkit.streams import Streams
-from transferkit.tensors import parse_tensors
+from transferkit.tensors import check_enough, parse_tensors
 from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
 from transferkit.zoo.catalog import find_core
 from transferkit.zoo.readme import render
@@ -100,10 +100,7 @@ def _core(card: Card, components: dict[str, dict[str, Tensor]]) -> Core:
         tensors = components[name].values()
         if any(len(tensor) != len(card.seeds) for tensor in tensors):
             raise FormatError(f"{name} has another number of members")
-        if architecture.weights * len(card.seeds) > sum(tensor.numel() for tensor in tensors):
-            raise FormatError(f"{name} has fewer numbers than its architecture")
-    if "normalizer" in components and bool((components["normalizer"]["var"] < 0).any()):
-        raise FormatError("normalizer has a negative variance")
+        check_enough(tensors, architecture.weights * len(card.seeds), name)
     return Core(card.id, card.source, policy, card.seeds, components, card.digest, ensembles)
 
 
