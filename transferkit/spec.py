@@ -19,10 +19,13 @@ Quantity = Literal[
     "function of position",
     "function of velocity",
     "force",
+    "action",
+    "time",
     "constant",
     "unknown",
 ]
-"""What an observation element can be; `force` responds to controls or contacts, `unknown` was not probed."""
+"""What an observation element can be; `force` responds to controls or contacts, `action` is what was done in a step, `time`
+grows by the same in every step; of what is `unknown` nothing can be said."""
 
 
 MOST = 4096
@@ -65,6 +68,8 @@ class Element:
     offset: float
     """`position`, `velocity`: value at zero."""
     unit: str
+    age: int = 0
+    """Control steps since it was true: 0 for what is, 1 for what was one step before."""
 
     def __post_init__(self) -> None:
         if self.coefficients and len(self.coefficients) != len(self.joints):
@@ -82,7 +87,7 @@ class Actuator:
     low: float
     high: float
     gear: float
-    """Force or torque on the joint per unit of control, with its sign."""
+    """Force or torque on the joint per unit of the environment's action, with its sign, as far as it is not clipped."""
     authority: float
     """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 if unknown."""
     unit: str

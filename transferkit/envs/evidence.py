@@ -1,14 +1,23 @@
-"""Evidence for the meaning of observations: what they respond to, and what they are over random states."""
+"""Evidence for the meaning of observations: what they respond to, how late, and what they are over random states.
+
+States are visited one after the other, once each; what an element says of a state is read as many steps later as it is old.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.envs.frozen import State
 from transferkit.physics import mujoco
+
+if TYPE_CHECKING:
+    from transferkit.envs.frozen import Frozen, Look
+    from transferkit.envs.simulation import Simulation
 
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
@@ -18,22 +27,42 @@ SAMPLES = 24
 NUDGES = 3
 """Random states from which each degree of freedom is moved by itself."""
 
-MOTIONS, STEPS_PER_MOTION = 20, 20
+MOTIONS, STEPS_PER_MOTION = 20, 10
 """Random pushes, and physics steps of each."""
+
+QUIET, LONGEST = 8, 128
+"""Steps without news after which nothing older is expected, and the most that are waited for."""
+
+DRAWS = 32
+"""Observations of one state with noise."""
+
+SHARES = (1 / 64, 1.0)
+"""Actions that are tried each way: small ones are not clipped, large ones overcome friction."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What each element of the observation responds to."""
+    """What each element of the observation responds to; every array begins with `(obs_dim,)`."""
 
     positions: NDArray[np.bool_]
     """`(obs_dim, nv)`."""
     velocities: NDArray[np.bool_]
     """`(obs_dim, nv)`."""
     controls: NDArray[np.bool_]
-    """`(obs_dim,)`."""
     motion: NDArray[np.bool_]
-    """`(obs_dim,)`: it changes while the controls push and things collide."""
+    """It changes while the controls push and things collide."""
+    actions: NDArray[np.float64]
+    """`(obs_dim, act_dim)`: by how much it changes with an action, if it is a multiple of it."""
+    age: NDArray[np.intp]
+    """Control steps since what it says was true."""
+    noise: NDArray[np.float64]
+    """Deviation that could not be switched off."""
+    doubt: NDArray[np.float64]
+    """Standard error of its mean, of all noise."""
+    time: NDArray[np.bool_]
+    """It grows by the same in every step, whatever happens."""
+    mixed: NDArray[np.bool_]
+    """It says something of several steps at once."""
 
 
 @dataclass(frozen=True)
@@ -48,105 +77,194 @@ class Samples:
     """z of every body, body centre of mass, geom, site and of every subtree's centre of mass."""
 
 
-class Prober:
-    """Moves a simulation and watches its observation; the order of its methods fixes the random states."""
+@dataclass(frozen=True)
+class Responses:
+    """What actions do at the reference pose."""
 
-    def __init__(
-        self, model: mujoco.MjModel, data: mujoco.MjData, observe: Callable[[], NDArray[np.floating]], obs_dim: int
-    ) -> None:
-        self.model, self.data, self.observe, self.obs_dim = model, data, observe, obs_dim
+    none: Look
+    """No action."""
+    looks: Sequence[Sequence[tuple[float, Look]]]
+    """For every element of the action: its values, and what each did."""
+
+
+class Prober:
+    """Moves an environment that is held still and watches it; the order of its methods fixes the random states."""
+
+    def __init__(self, frozen: Frozen, simulation: Simulation, obs_dim: int, act_dim: int) -> None:
+        self._frozen, self._simulation = frozen, simulation
+        self._obs_dim, self._act_dim = obs_dim, act_dim
         self._rng = np.random.default_rng(0)
-        self._start = data.qpos.copy()
+        self._start = simulation.data.qpos.copy()
+        self._idle = np.zeros(act_dim, np.float32)
+        self._measure_memory()
 
     def evidence(self) -> Evidence:
         """Find what each element responds to."""
-        return Evidence(*self._dependence(), self._force_dependence(), self._varies_in_motion())
+        positions, velocities = self._dependence()
+        controls, actions = self._action_dependence()
+        silent = ~(positions.any(1) | velocities.any(1) | controls)
+        motion = self._varies_in_motion() if silent.any() else np.zeros_like(silent)
+        return Evidence(positions, velocities, controls, motion, actions, self._age, self._noise, self._doubt, self._time, self._mixed)
 
     def samples(self) -> Samples:
         """Observe random states."""
-        rows = []
-        addresses = [self._angle_address(dof) for dof in range(self.model.nv)]
-        for _ in range(SAMPLES):
-            self._randomize()
-            observation = self._observe()
-            position = [np.nan if a is None else self.data.qpos[a] for a in addresses]
-            d = self.data
-            heights = np.concatenate([x[:, 2] for x in (d.xpos, d.xipos, d.geom_xpos, d.site_xpos, d.subtree_com)])
-            rows.append((observation, position, self.data.qvel.copy(), heights))
-        return Samples(*(np.array(column) for column in zip(*rows, strict=True)))
+        states = [self._random_state() for _ in range(SAMPLES)]
+        observation = self._visit(states) - self._bias
+        model, data = self._simulation.model, self._simulation.data
+        addresses = [_angle_address(model, dof) for dof in range(model.nv)]
+        position = [[np.nan if a is None else state.qpos[a] for a in addresses] for state in states]
+        heights = []
+        for state in states:
+            data.qpos[:] = state.qpos
+            mujoco.mj_fwdPosition(model, data)
+            heights.append(np.concatenate([x[:, 2] for x in (data.xpos, data.xipos, data.geom_xpos, data.site_xpos, data.subtree_com)]))
+        return Samples(observation, np.array(position), np.array([state.qvel for state in states]), np.array(heights))
 
-    def _randomize(self) -> None:
-        """Draw a random state well inside the joint ranges."""
-        self.data.qpos[:] = self._start
-        for j in range(self.model.njnt):
-            address = self.model.jnt_qposadr[j]
-            if self.model.jnt_type[j] in (FREE, BALL):
-                continue
-            low, high = self.model.jnt_range[j] if self.model.jnt_limited[j] else (-2.0, 2.0)
-            middle, reach = (low + high) / 2, 0.45 * min(high - low, 4.0)
-            self.data.qpos[address] = self._rng.uniform(middle - reach, middle + reach)
-        free = np.array([joint for joint in range(self.model.nv) if self._angle_address(joint) is None], int)
-        step = np.zeros(self.model.nv)
-        step[free] = self._rng.uniform(-0.3, 0.3, len(free))
-        mujoco.mj_integratePos(self.model, self.data.qpos, step, 1.0)
-        self.data.qvel[:] = self._rng.uniform(-1.0, 1.0, self.model.nv)
-        self.data.ctrl[:] = 0.0
+    def responses(self) -> Responses:
+        """See what each action does at the reference pose."""
+        none = self._look_at(self._idle)
+        each = [[(share, self._look_at(self._only(k, share))) for share in _both_ways()] for k in range(self._act_dim)]
+        return Responses(none, each)
 
-    def _observe(self) -> NDArray[np.float64]:
-        mujoco.mj_forward(self.model, self.data)
-        return np.array(self.observe(), np.float64)
+    def _measure_memory(self) -> None:
+        """Hold one state, then others: when each element takes notice, and which never rest."""
+        states = [self._random_state(self._random_action()) for _ in range(3)]
+        calm = self._hold(states[0])[-QUIET:]
+        steps = np.diff(calm, axis=0)
+        restless = _changed(calm[:-1], calm[1:]).all(axis=0)
+        self._time = restless & (np.ptp(steps, axis=0) <= 1e-5 * np.abs(steps).max(axis=0))
+        drifts = restless & (np.abs(steps.sum(axis=0)) > 0.5 * np.abs(steps).sum(axis=0))
+        self._noise = np.where(restless & ~drifts, calm.std(axis=0), 0.0)
+        self._age, self._mixed, before = np.full(self._obs_dim, LONGEST), drifts & ~self._time, calm[-1]
+        for state in states[1:]:
+            after = self._hold(state)
+            news = _changed(before, after, self._noise)
+            first = np.where(news.any(axis=0), news.argmax(axis=0), LONGEST)
+            moved = _changed(after, np.take_along_axis(after, np.minimum(first, len(after) - 1)[None], axis=0), self._noise)
+            self._mixed |= (moved & (np.arange(len(after))[:, None] > first)).any(axis=0) & ~restless
+            self._age, before = np.minimum(self._age, first), after[-1]
+        self._age[(self._age == LONGEST) | self._time | self._mixed] = 0
+        self._bias, self._doubt = self._noise_mean(states[0])
 
-    def _angle_address(self, dof: int) -> int | None:
-        """Address in qpos of a slide's or hinge's coordinate; None for a free or ball joint's rotation."""
-        j = int(self.model.dof_jntid[dof])
-        within = dof - int(self.model.jnt_dofadr[j])
-        if self.model.jnt_type[j] == BALL or (self.model.jnt_type[j] == FREE and within > 2):
-            return None
-        return int(self.model.jnt_qposadr[j]) + within
+    def _hold(self, state: State) -> NDArray[np.float64]:
+        """Observe a state until nothing new comes, `(steps, obs_dim)`; what changes in every step is no news."""
+        seen, always, last_news = [self._frozen.see(state)], np.ones(self._obs_dim, bool), 0
+        while len(seen) - 1 - last_news < QUIET * (3 if always.any() else 1) and len(seen) < LONGEST:
+            seen.append(self._frozen.see(state))
+            changed = _changed(seen[-2], seen[-1])
+            news, always = (changed & ~always) | (always & ~changed & (len(seen) > 2)), always & changed  # noqa: PLR2004
+            last_news = len(seen) - 1 if news.any() else last_news
+        return np.array(seen)
+
+    def _noise_mean(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What the one draw of noise that all observations have adds, and how well its mean is known."""
+        pinned = self._frozen.see_all([state] * (1 + int(self._age.max(initial=0))))[-1]
+        self._frozen.pinned = False
+        free = self._frozen.see_all([state] * 2)
+        if (free != pinned).any():
+            free = self._frozen.see_all([state] * DRAWS)
+        self._frozen.pinned = True
+        of_draw = (self._noise == 0) & ~self._time & ~self._mixed
+        return np.where(of_draw, pinned - free.mean(axis=0), 0.0), free.std(axis=0) / np.sqrt(min(DRAWS, SAMPLES))
+
+    def _visit(self, states: Sequence[State]) -> NDArray[np.float64]:
+        """What each element says of each state, `(len(states), obs_dim)`."""
+        oldest = int(self._age.max(initial=0))
+        seen = self._frozen.see_all([*states, *[states[-1]] * oldest])
+        rows = np.arange(len(states))[:, None] + self._age
+        return seen[rows, np.arange(self._obs_dim)]
+
+    def _random_state(self, action: NDArray[np.float32] | None = None) -> State:
+        """Draw a state well inside the joint ranges."""
+        model, qpos = self._simulation.model, self._start.copy()
+        for j in range(model.njnt):
+            if model.jnt_type[j] not in (FREE, BALL):
+                low, high = model.jnt_range[j] if model.jnt_limited[j] else (-2.0, 2.0)
+                middle, reach = (low + high) / 2, 0.45 * min(high - low, 4.0)
+                qpos[model.jnt_qposadr[j]] = self._rng.uniform(middle - reach, middle + reach)
+        free = np.isin(model.jnt_type[model.dof_jntid], (FREE, BALL))
+        turn = np.zeros(model.nv)
+        turn[free] = self._rng.uniform(-0.3, 0.3, free.sum())
+        mujoco.mj_integratePos(model, qpos, turn, 1.0)
+        return State(qpos, self._rng.uniform(-1.0, 1.0, model.nv), self._idle if action is None else action)
+
+    def _random_action(self) -> NDArray[np.float32]:
+        return self._rng.uniform(-1.0, 1.0, self._act_dim).astype(np.float32)
+
+    def _only(self, k: int, share: float) -> NDArray[np.float32]:
+        action = self._idle.copy()
+        action[k] = share
+        return action
 
     def _dependence(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Move each degree of freedom by itself, as a position and as a velocity."""
-        positions = np.zeros((self.obs_dim, self.model.nv), bool)
-        velocities = np.zeros_like(positions)
+        nv, states = self._simulation.model.nv, []
         for _ in range(NUDGES):
-            self._randomize()
-            qpos, qvel = self.data.qpos.copy(), self.data.qvel.copy()
-            before = self._observe()
-            for dof in range(self.model.nv):
-                nudge = np.zeros(self.model.nv)
-                nudge[dof] = 0.05
-                mujoco.mj_integratePos(self.model, self.data.qpos, nudge, 1.0)
-                positions[:, dof] |= _changed(before, self._observe())
-                self.data.qpos[:] = qpos
-                self.data.qvel[dof] += 0.05
-                velocities[:, dof] |= _changed(before, self._observe())
-                self.data.qvel[:] = qvel
-        return positions, velocities
+            base = self._random_state()
+            states += [base, *self._nudged(base)]
+        seen = self._visit(states).reshape(NUDGES, 1 + 2 * nv, self._obs_dim)
+        changed = _changed(seen[:, :1], seen[:, 1:], self._noise).any(axis=0).T & ~self._time[:, None]
+        return changed[:, :nv], changed[:, nv:]
 
-    def _force_dependence(self) -> NDArray[np.bool_]:
-        """Move the controls alone."""
-        self._randomize()
-        before = self._observe()
-        self.data.ctrl[:] = self._random_controls()
-        return _changed(before, self._observe())
+    def _nudged(self, base: State) -> Iterable[State]:
+        model = self._simulation.model
+        for nudge in 0.05 * np.eye(model.nv):
+            qpos = base.qpos.copy()
+            mujoco.mj_integratePos(model, qpos, nudge, 1.0)
+            yield State(qpos, base.qvel, base.action)
+        for nudge in 0.05 * np.eye(model.nv):
+            yield State(base.qpos, base.qvel + nudge, base.action)
+
+    def _action_dependence(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Change the actions alone, all of them and one by one."""
+        base, other = self._random_state(), self._random_state()
+        each = [State(at.qpos, at.qvel, self._only(k, 0.5)) for at in (base, other) for k in range(self._act_dim)]
+        all_ = [State(base.qpos, base.qvel, self._random_action()) for _ in range(2)]
+        seen = self._visit([base, other, *all_, *each])
+        controls = _changed(seen[0], seen[2:4], self._noise).any(axis=0) & ~self._time
+        slopes = (seen[4:].reshape(2, self._act_dim, -1) - seen[:2, None]) / 0.5
+        alike = np.isclose(slopes[0], slopes[1], rtol=1e-4, atol=1e-6).all(axis=0)
+        return controls, np.where(controls & alike, slopes[0], 0.0).T
 
     def _varies_in_motion(self) -> NDArray[np.bool_]:
-        """Let the controls push."""
-        self._randomize()
-        first = self._observe()
-        varied = np.zeros(self.obs_dim, bool)
+        """Let the controls push, and look at where that leads."""
+        model, states = self._simulation.model, []
+        first = self._random_state()
+        data = mujoco.MjData(model)
+        data.qpos[:], data.qvel[:] = first.qpos, first.qvel
+        pace, model.opt.timestep = model.opt.timestep, self._frozen.time_step
         for _ in range(MOTIONS):
-            self.data.ctrl[:] = self._random_controls()
-            for _ in range(STEPS_PER_MOTION):
-                mujoco.mj_step(self.model, self.data)
-            varied |= _changed(first, self._observe())
-        return varied
+            data.ctrl[:] = self._random_controls(model)
+            mujoco.mj_step(model, data, STEPS_PER_MOTION)
+            states.append(State(data.qpos.copy(), data.qvel.copy(), self._random_action(), data.act.copy()))
+        model.opt.timestep = pace
+        seen = self._visit([first, *states])
+        return _changed(seen[:1], seen[1:], self._noise).any(axis=0) & ~self._time
 
-    def _random_controls(self) -> NDArray[np.float64]:
-        limited = self.model.actuator_ctrllimited.astype(bool)
-        bounds = np.where(limited[:, None], self.model.actuator_ctrlrange, [-1.0, 1.0])
-        return bounds[np.arange(self.model.nu), self._rng.integers(0, 2, self.model.nu)]
+    def _random_controls(self, model: mujoco.MjModel) -> NDArray[np.float64]:
+        limited = model.actuator_ctrllimited.astype(bool)
+        bounds = np.where(limited[:, None], model.actuator_ctrlrange, [-1.0, 1.0])
+        return bounds[np.arange(model.nu), self._rng.integers(0, 2, model.nu)]
+
+    def _look_at(self, action: NDArray[np.float32]) -> Look:
+        model = self._simulation.model
+        return self._frozen.look(State(model.qpos0, np.zeros(model.nv), action))
 
 
-def _changed(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.abs(after - before) > 1e-6 * (1 + np.abs(before))
+def _both_ways() -> Iterable[float]:
+    return (sign * share for share in SHARES for sign in (1, -1))
+
+
+def _angle_address(model: mujoco.MjModel, dof: int) -> int | None:
+    """Address in qpos of a slide's or hinge's coordinate; None for a free or ball joint's rotation."""
+    j = int(model.dof_jntid[dof])
+    within = dof - int(model.jnt_dofadr[j])
+    if model.jnt_type[j] == BALL or (model.jnt_type[j] == FREE and within > 2):
+        return None
+    return int(model.jnt_qposadr[j]) + within
+
+
+def _changed(
+    before: NDArray[np.float64], after: NDArray[np.float64], noise: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.bool_]:
+    return np.abs(after - before) > 1e-6 * (1 + np.abs(before)) + 8 * noise

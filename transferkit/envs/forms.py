@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,35 +37,56 @@ class Forms:
     samples: Samples
     height_names: Callable[[int], str]
     """Gives the name of a column of `samples.height`."""
+    action_names: Sequence[str]
+    half_range: NDArray[np.floating]
+    """`(act_dim,)`: half of the range of the environment's own actions."""
+    elusive: NDArray[np.bool_]
+    """`(obs_dim,)`: it changes in an episode, or from one to the next."""
 
     def element(self, i: int, label: str) -> Element:
         """Describe element `i`; `label` is its name if no form fits."""
-        positions, velocities = np.flatnonzero(self.evidence.positions[i]), np.flatnonzero(self.evidence.velocities[i])
-        y, form = self.samples.observation[:, i], None
+        evidence = self.evidence
+        if evidence.mixed[i]:
+            return Element(label, "unknown", (), (), 0.0, "")
+        if evidence.time[i]:
+            return Element(label, "time", (), (), 0.0, "")
+        element = self._present(i, label)
+        certain = abs(element.offset) > 4 * evidence.doubt[i]
+        return replace(element, age=int(evidence.age[i]), offset=element.offset if certain else 0.0)
+
+    def _present(self, i: int, label: str) -> Element:
+        """Describe it without its age."""
+        evidence = self.evidence
+        positions, velocities = np.flatnonzero(evidence.positions[i]), np.flatnonzero(evidence.velocities[i])
+        y, tolerance, form = self.samples.observation[:, i], _tolerance(self.samples.observation[:, i], evidence.noise[i]), None
         if len(positions) and not len(velocities):
-            form = self._position_form(y, positions)
+            form = self._position_form(y, positions, tolerance)
         elif len(velocities) and not len(positions):
-            form = self._linear("velocity", y, velocities, self.samples.velocity)
+            form = self._linear("velocity", y, velocities, self.samples.velocity, tolerance)
         if form is not None:
             return form
         names = tuple(self.joints[int(dof)].name for dof in sorted({*positions, *velocities}))
-        if self.evidence.controls[i] or (not names and self.evidence.motion[i]):
+        if not names and np.count_nonzero(evidence.actions[i]) == 1:
+            k = int(np.flatnonzero(evidence.actions[i])[0])
+            if np.isclose(evidence.actions[i, k], self.half_range[k], rtol=1e-4):
+                return Element(f"{self.action_names[k]}.action", "action", (), (), 0.0, "")
+        if evidence.controls[i] or (not names and evidence.motion[i]):
             return Element(label, "force", names, (), 0.0, "")
         if not names:
-            return Element(label, "constant", (), (), 0.0, "")
+            return Element(label, "unknown" if self.elusive[i] else "constant", (), (), 0.0, "")
         quantity: Quantity = "function of velocity" if len(velocities) else "function of position"
         return Element(label, quantity, names, (), 0.0, "")
 
-    def _position_form(self, y: NDArray, dofs: Dofs) -> Element | None:
-        position, height = self.samples.position, _matching_column(y, self.samples.height)
-        form = self._linear("position", y, dofs, position)
+    def _position_form(self, y: NDArray, dofs: Dofs, tolerance: float) -> Element | None:
+        position, height = self.samples.position, _matching_column(y, self.samples.height, tolerance)
+        form = self._linear("position", y, dofs, position, tolerance)
         if form is not None and not (height is not None and len(dofs) > 1):
             return form
         hinges_only = all(self.joints[int(dof)].type == "hinge" for dof in dofs)
         if hinges_only and len(dofs) <= LARGEST_SUM and np.isfinite(position[:, dofs]).all():
             for signs in itertools.product((1.0, -1.0), repeat=len(dofs) - 1):
                 coefficients = np.array((1.0, *signs))
-                form = self._trigonometric(y, dofs, coefficients, position[:, dofs] @ coefficients)
+                form = self._trigonometric(y, dofs, coefficients, position[:, dofs] @ coefficients, tolerance)
                 if form is not None:
                     return form
         if height is not None:
@@ -73,20 +94,22 @@ class Forms:
             return Element(f"{self.height_names(height)}.height", "height", names, (), 0.0, "m")
         return None
 
-    def _linear(self, quantity: Quantity, y: NDArray, dofs: Dofs, signal: NDArray) -> Element | None:
+    def _linear(self, quantity: Quantity, y: NDArray, dofs: Dofs, signal: NDArray, tolerance: float) -> Element | None:
         columns = signal[:, dofs]
         if not np.isfinite(columns).all() or 2 * len(dofs) >= SAMPLES:
             return None
-        fit = _least_squares(np.column_stack([columns, np.ones(SAMPLES)]), y)
-        if fit is None:
+        fit = _least_squares(np.column_stack([columns, np.ones(SAMPLES)]), y, tolerance)
+        if fit is None or not np.round(fit[:-1], 4).any():
             return None
         unit = "m" if self.joints[int(dofs[0])].type == "slide" else "rad"
         unit = unit if len({self.joints[int(dof)].type for dof in dofs}) == 1 else ""
         suffix = "/s" if quantity == "velocity" and unit else ""
         return self._named(quantity, dofs, fit[:-1], float(fit[-1]), unit + suffix)
 
-    def _trigonometric(self, y: NDArray, dofs: Dofs, coefficients: NDArray, angle: NDArray) -> Element | None:
-        fit = _least_squares(np.column_stack([np.sin(angle), np.cos(angle), np.ones(SAMPLES)]), y)
+    def _trigonometric(
+        self, y: NDArray, dofs: Dofs, coefficients: NDArray, angle: NDArray, tolerance: float
+    ) -> Element | None:
+        fit = _least_squares(np.column_stack([np.sin(angle), np.cos(angle), np.ones(SAMPLES)]), y, tolerance)
         if fit is None or abs(fit[2]) > 1e-3 or abs(np.hypot(fit[0], fit[1]) - 1) > 1e-3:
             return None
         # a sin x + b cos x is sin(x + phase), and cos(x + phase - pi/2): take the one with no phase, or a half turn.
@@ -117,13 +140,18 @@ def height_name(model: mujoco.MjModel, column: int) -> str:
     raise AssertionError
 
 
-def _least_squares(design: NDArray, y: NDArray) -> NDArray | None:
+def _tolerance(y: NDArray, noise: float) -> float:
+    """The largest misfit of a form that fits."""
+    return TOLERANCE * max(1.0, float(np.ptp(y))) + 6 * noise
+
+
+def _least_squares(design: NDArray, y: NDArray, tolerance: float) -> NDArray | None:
     solution = np.linalg.lstsq(design, y, rcond=None)[0]
     misfit = np.abs(design @ solution - y).max()
-    return solution if misfit <= TOLERANCE * max(1.0, float(np.ptp(y))) else None
+    return solution if misfit <= tolerance else None
 
 
-def _matching_column(y: NDArray, columns: NDArray) -> int | None:
+def _matching_column(y: NDArray, columns: NDArray, tolerance: float) -> int | None:
     misfit = np.abs(columns - y[:, None]).max(axis=0)
     best = int(np.argmin(misfit))
-    return best if misfit[best] <= TOLERANCE * max(1.0, float(np.ptp(y))) else None
+    return best if misfit[best] <= tolerance else None

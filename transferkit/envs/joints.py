@@ -1,4 +1,4 @@
-"""The joints and actuators of a MuJoCo model, with names that do not depend on who wrote the model."""
+"""The joints of a MuJoCo model, with names that do not depend on who wrote the model."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.physics import mujoco
-from transferkit.spec import Actuator, Joint
+from transferkit.spec import Joint
 
 if TYPE_CHECKING:
     from transferkit.spec import JointType
@@ -37,40 +37,6 @@ def read_joints(model: mujoco.MjModel) -> list[Joint]:
             joints.append(Joint(name, model_name, type_, _rounded(axis), parent, _rounded(direction), round(length, 6)))
             last_of_body[body] = parent = name
     return joints
-
-
-def read_actuators(low: NDArray, high: NDArray, model: mujoco.MjModel, joints: list[Joint]) -> list[Actuator]:
-    """Read one `Actuator` per element of the action, with the bounds `(act_dim,)` that the environment states."""
-    if len(low) != model.nu:
-        return unknown_actuators(low, high)
-    return [_read_actuator(k, float(low[k]), float(high[k]), model, joints) for k in range(len(low))]
-
-
-def unknown_actuators(low: NDArray, high: NDArray) -> list[Actuator]:
-    """Actuators of which only the bounds `(act_dim,)` are known."""
-    bounds = enumerate(zip(low, high, strict=True))
-    return [Actuator(f"action{k}", f"action{k}", None, float(a), float(b), 1.0, 0.0, "") for k, (a, b) in bounds]
-
-
-def _read_actuator(k: int, low: float, high: float, model: mujoco.MjModel, joints: list[Joint]) -> Actuator:
-    model_name = model.actuator(k).name or f"actuator{k}"
-    gear = float(model.actuator_gear[k, 0] * model.actuator_gainprm[k, 0])
-    target = int(model.actuator_trnid[k, 0])
-    if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT or model.jnt_type[target] not in (SLIDE, HINGE):
-        return Actuator(model_name, model_name, None, low, high, gear, 0.0, "")
-    dof = int(model.jnt_dofadr[target])
-    driven, authority = joints[dof], _authority(model, k, dof, (high - low) / 2)
-    unit = "N" if driven.type == "slide" else "N m"
-    return Actuator(f"drive.{driven.name}", model_name, driven.name, low, high, gear, authority, unit)
-
-
-def _authority(model: mujoco.MjModel, actuator: int, dof: int, control: float) -> float:
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    before = data.qacc[dof]
-    data.ctrl[actuator] = control
-    mujoco.mj_forward(model, data)
-    return round(float(data.qacc[dof] - before), 4)
 
 
 def _parent(model: mujoco.MjModel, body: int, last_of_body: dict[int, str]) -> str | None:

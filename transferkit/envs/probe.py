@@ -8,25 +8,38 @@ names it.
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import gymnasium
+import numpy as np
 
+from transferkit.envs.actuators import read_actuators, unknown_actuators
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
-from transferkit.envs.joints import read_actuators, read_joints, unknown_actuators
-from transferkit.envs.make import dims, episode_limit, failed, make_env, name_of, time_step
+from transferkit.envs.frozen import ElusiveError, Frozen
+from transferkit.envs.joints import read_joints
+from transferkit.envs.labels import labels
+from transferkit.envs.make import Contract, dims, episode_limit, failed, make_env, name_of, time_step
+from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import TransferkitError
 from transferkit.spec import Element, IOSpec
 from transferkit.versions import versions
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from transferkit.envs.simulation import Simulation
-    from transferkit.spec import Joint
+    from transferkit.spec import Actuator, Joint
+
+LOGGER = logging.getLogger("transferkit")
+
+FEW = 10
+"""Steps in which something that is no constant shows itself."""
 
 _DERIVED: dict[str, tuple[object, IOSpec]] = {}
 """What Gymnasium had registered under an id, and the spec that was derived from it."""
@@ -49,9 +62,17 @@ def derive_spec(env: str | gymnasium.Env) -> IOSpec:
 def _derive(env: str | gymnasium.Env) -> IOSpec:
     made = make_env(env)
     name = name_of(env)
+    for wrapper in learning_wrappers(made):
+        LOGGER.warning(
+            "%s of %s learns outside the policy: its numbers mean something else after every step; leave it out, since policies "
+            "normalise what they observe",
+            wrapper,
+            name,
+        )
     try:
-        made.reset(seed=0)
-        return _spec(made, name)
+        with undisturbed(made):
+            made.reset(seed=0)
+            return _spec(made, name)
     except TransferkitError:
         raise
     except Exception as error:
@@ -62,46 +83,81 @@ def _derive(env: str | gymnasium.Env) -> IOSpec:
 
 
 def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
-    raw: Any = made
-    raw = raw.env  # below the scaling of actions
-    low, high, obs_dim = raw.action_space.low, raw.action_space.high, dims(made)[0]
-    simulation = open_simulation(raw)
+    assert isinstance(made, Contract)
+    low, high, obs_dim = made.env.action_space.low, made.env.action_space.high, dims(made)[0]  # below the scaling of actions
+    simulation = open_simulation(made)
+    pace = _pace(made, simulation)
     if simulation is None:
         backend, joints, actuators = "other", [], unknown_actuators(low, high)
-        elements = _unknown([f"observation[{i}]" for i in range(obs_dim)])
+        elements = _unknown(labels(made.env))
     else:
         backend, joints = simulation.backend, read_joints(simulation.model)
-        actuators = read_actuators(low, high, simulation.model, joints)
-        elements = _elements(simulation, joints, obs_dim)
+        elements, actuators = _probed(made, simulation, joints)
     return IOSpec(
         env_id=env_id,
         backend=backend,
         observation=tuple(elements),
         action=tuple(actuators),
         joints=tuple(joints),
-        time_step=time_step(made),
+        time_step=pace,
         episode_limit=episode_limit(made),
         versions={name: versions()[name] for name in ("mujoco", "gymnasium", "dm-control")},
     )
 
 
-def _elements(simulation: Simulation, joints: list[Joint], obs_dim: int) -> list[Element]:
-    if simulation.observe is None:
-        return _unknown(simulation.labels)
-    prober = Prober(simulation.model, simulation.data, simulation.observe, obs_dim)
-    forms = Forms(dict(enumerate(joints)), prober.evidence(), prober.samples(), partial(height_name, simulation.model))
-    return _unique([forms.element(i, simulation.labels[i]) for i in range(obs_dim)])
+def _probed(made: Contract, simulation: Simulation, joints: list[Joint]) -> tuple[list[Element], list[Actuator]]:
+    """Elements and actuators; what cannot be probed is unknown, and why is said."""
+    (obs_dim, act_dim), actions, names = dims(made), made.env.action_space, labels(made.env)
+    try:
+        elusive = _elusive(made)
+        made.reset(seed=0)
+        with Frozen(made, simulation) as frozen:
+            prober = Prober(frozen, simulation, obs_dim, act_dim)
+            actuators = read_actuators(actions.low, actions.high, prober.responses(), simulation.model, joints)
+            forms = Forms(
+                dict(enumerate(joints)),
+                prober.evidence(),
+                prober.samples(),
+                partial(height_name, simulation.model),
+                [actuator.name for actuator in actuators],
+                (actions.high - actions.low) / 2,
+                elusive,
+            )
+        return _unique([forms.element(i, names[i]) for i in range(obs_dim)]), actuators
+    except (ElusiveError, TransferkitError) as error:
+        LOGGER.warning("what %s observes is not known: %s", name_of(made), error)
+        return _unknown(names), unknown_actuators(actions.low, actions.high)
 
 
-def _unknown(labels: list[str]) -> list[Element]:
-    return [Element(label, "unknown", (), (), 0.0, "") for label in labels]
+def _elusive(made: gymnasium.Env) -> NDArray[np.bool_]:
+    """Which elements change in an episode with random actions, or from one episode to the next."""
+    made.action_space.seed(0)
+    seen = [made.reset(seed=seed)[0] for seed in range(3)]
+    seen += [made.step(made.action_space.sample())[0] for _ in range(FEW)]
+    return np.ptp(np.array(seen, float), axis=0) > 0
+
+
+def _pace(made: gymnasium.Env, simulation: Simulation | None) -> float:
+    """Seconds of simulated time that a control step takes, whatever wrapper repeats it; as declared, outside MuJoCo."""
+    declared = time_step(made)
+    if simulation is None:
+        return declared
+    before = simulation.data.time
+    made.step(np.zeros(dims(made)[1], np.float32))
+    passed = round(simulation.data.time - before, 9)
+    return declared if passed <= 0 or np.isclose(passed, declared) else passed
+
+
+def _unknown(names: list[str]) -> list[Element]:
+    return [Element(name, "unknown", (), (), 0.0, "") for name in names]
 
 
 def _unique(elements: list[Element]) -> list[Element]:
+    """Add the age of what is old, and number what occurs twice."""
     seen: Counter[str] = Counter()
     result = []
     for element in elements:
-        seen[element.name] += 1
-        copies = seen[element.name]
-        result.append(element if copies == 1 else replace(element, name=f"{element.name}#{copies}"))
+        name = f"{element.name}[t-{element.age}]" if element.age else element.name
+        seen[name] += 1
+        result.append(replace(element, name=name if seen[name] == 1 else f"{name}#{seen[name]}"))
     return result

@@ -1,65 +1,74 @@
-"""The MuJoCo model, data and observation function behind an environment of either backend."""
+"""The MuJoCo model and data behind an environment, whoever wrote it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
-import numpy as np
-from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from transferkit.physics import mujoco
+from transferkit.physics import mujoco
+
+DEPTH = 3
+"""How far below an environment its model and data are looked for: `env.robot.physics.data`."""
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """One environment opened for probing."""
+    """A simulation; some environments make a new model and new data in every reset, so both are asked for when needed."""
 
-    backend: str
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    observe: Callable[[], NDArray[np.floating]] | None
-    """Returns the observation `(obs_dim,)` of the present state; None if the environment offers no way to ask for it."""
-    labels: list[str]
-    """A fallback name per element, from the backend's own description."""
+    owner: Any
+    """Has the model and the data as attributes, or dm_control's `physics`."""
+
+    @property
+    def backend(self) -> str:
+        """`dm_control`, or `gymnasium` for everything else."""
+        return "dm_control" if _is_physics(getattr(self.owner, "physics", None)) else "gymnasium"
+
+    @property
+    def keepers(self) -> list[Any]:
+        """The owner and what it is made of: one of them counts the steps."""
+        return [self.owner, *_parts(self.owner)]
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model as it is now."""
+        return _pair(self.owner)[0]
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """The data as they are now."""
+        return _pair(self.owner)[1]
 
 
 def open_simulation(env: gymnasium.Env) -> Simulation | None:
-    """Open the simulation behind an environment; None if it is not MuJoCo."""
-    base: Any = env.unwrapped
-    if hasattr(base, "physics") and hasattr(base, "get_observation"):
-        physics = base.physics
-        labels = _numbered(base.observation_keys())
-        return Simulation("dm_control", physics.model.ptr, physics.data.ptr, base.get_observation, labels)
-    model, data = getattr(base, "model", None), getattr(base, "data", None)
-    if model is None or data is None or not hasattr(model, "nq"):
-        return None
-    raw = getattr(base, "_get_obs", None)
-    observe = None if raw is None else lambda: _through_wrappers(env, raw())
-    assert env.observation_space.shape is not None
-    return Simulation("gymnasium", model, data, observe, _gymnasium_labels(base, env.observation_space.shape[0]))
+    """Find the simulation behind an environment; None if it is not MuJoCo."""
+    level: list[Any] = [env.unwrapped]
+    for _ in range(DEPTH):
+        for holder in level:
+            if _pair(holder) is not None:
+                return Simulation(holder)
+        level = [value for holder in level for value in _parts(holder)]
+    return None
 
 
-def _through_wrappers(env: gymnasium.Env, observation: NDArray[np.floating]) -> NDArray[np.floating]:
-    """What the environment's wrappers make of an observation of the innermost one."""
-    wrappers = []
-    while isinstance(env, gymnasium.Wrapper):
-        wrappers.append(env)
-        env = env.env
-    for wrapper in reversed(wrappers):
-        if isinstance(wrapper, gymnasium.ObservationWrapper):
-            observation = wrapper.observation(observation)
-    return observation
+def _pair(holder: Any) -> Any:  # noqa: ANN401 - a model and data, or None
+    own = getattr(holder, "__dict__", {})
+    if isinstance(own.get("model"), mujoco.MjModel) and isinstance(own.get("data"), mujoco.MjData):
+        return own["model"], own["data"]
+    physics = own.get("physics") or (holder.physics if hasattr(type(holder), "physics") else None)
+    if _is_physics(physics):
+        return physics.model.ptr, physics.data.ptr
+    found = [next((value for value in own.values() if isinstance(value, kind)), None) for kind in (mujoco.MjModel, mujoco.MjData)]
+    return None if None in found else found
 
 
-def _gymnasium_labels(base: gymnasium.Env, obs_dim: int) -> list[str]:
-    structure = getattr(base, "observation_structure", None) or {}
-    names = [name for name, count in structure.items() if not name.startswith("skipped") for _ in range(count)]
-    return _numbered(names if len(names) == obs_dim else ["observation"] * obs_dim)
+def _is_physics(value: object) -> bool:
+    """Whether it is dm_control's, which need not be installed to find that it is not."""
+    return all(hasattr(getattr(value, name, None), "ptr") for name in ("model", "data"))
 
 
-def _numbered(names: list[str]) -> list[str]:
-    return [f"{name}[{names[:i].count(name)}]" for i, name in enumerate(names)]
+def _parts(holder: object) -> Iterator[Any]:
+    """The objects that an object has as attributes."""
+    return (value for value in getattr(holder, "__dict__", {}).values() if hasattr(value, "__dict__") and not isinstance(value, type))

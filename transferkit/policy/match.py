@@ -1,15 +1,19 @@
 """Match what a core's numbers mean with what a target's mean: which joint is which, and how to compute one from the other.
 
 A source joint matches the first target joint of the same type whose axis is parallel, whose parent is the match of its own
-parent, and (for a hinge) whose load rests in the same direction: upright matches upright, never hanging. Signs come from the
-axes.
+parent, and (for a hinge) whose load rests in the same direction: upright matches upright, never hanging. Of several that fit,
+one of the same name in the model comes first. Signs come from the axes.
 
 Quantities are scaled by dynamic similarity (Froude): under the same gravity a mechanism `s` times as long moves alike when
 lengths scale with s, times with sqrt(s) and accelerations not at all. The length is that from the matched hinges to the
 mass they carry, and an action keeps the acceleration it causes. Nothing of it is fitted.
 
-Every observation element of the core is then solved for as a linear combination of the target's positions, or as the
-sine or cosine of one; sines and cosines of the target are first turned into angles with atan2.
+An observation element of the core that the target has as it is, is taken as it is. Every other one is solved for as a linear
+combination of the target's positions of the same age, or as the sine or cosine of one; sines and cosines of the target are
+first turned into angles with atan2. What has no form (forces, functions of many joints) only means the same in the same
+mechanism: all joints match in order, and it has the same name.
+
+So a spec matched with itself is the identity, to the bit.
 """
 
 from __future__ import annotations
@@ -24,10 +28,13 @@ from numpy.typing import NDArray
 from transferkit.errors import ConfigError
 
 if TYPE_CHECKING:
-    from transferkit.spec import Element, IOSpec, Joint
+    from transferkit.spec import Actuator, Element, IOSpec, Joint
 
 PARALLEL = 0.99
 """Least cosine between axes that count as the same."""
+
+FORMLESS = ("height", "function of position", "function of velocity", "force", "action", "time", "constant", "unknown")
+"""Quantities that no combination of others gives."""
 
 SAME_REST = 0.7
 """Least cosine between the directions in which two hinges carry their load."""
@@ -68,24 +75,24 @@ def match(source: IOSpec, target: IOSpec) -> Match:
     joints = _match_joints(source.joints, target.joints)
     scale = _length_scale(source, target, joints)
     pairs = angle_pairs(target)
-    sin, cos = [i for i, _ in pairs], [j for _, j in pairs]
-    angle_rows = [_row(target.observation[i], target) for i in sin]
-    positions = [_row(e, target) if e.quantity == "position" else None for e in target.observation] + angle_rows
-    velocities = [_row(e, target) if e.quantity == "velocity" else None for e in target.observation]
-    width = target.obs_dim + len(sin)
-    offsets = np.array([e.offset if e.quantity == "position" else 0.0 for e in target.observation] + [0.0] * len(sin))
-    weight, bias, form = np.zeros((source.obs_dim, width)), np.zeros(source.obs_dim), []
+    basis = _Basis.of(target, pairs)
+    weight, bias, form = np.zeros((source.obs_dim, basis.width)), np.zeros(source.obs_dim), []
+    twin = _same_mechanism(source, target, joints)
     for i, element in enumerate(source.observation):
-        known = velocities if element.quantity == "velocity" else positions
-        solution = _solve(element, source, joints, target, known, scale)
+        k = _counterpart(element, source, target, joints, scale, twin=twin)
+        if k is not None:
+            weight[i, k[0]] = k[1]
+            form.append("linear")
+            continue
+        solution = _solve(element, source, joints, target, basis, scale)
         form.append("none" if solution is None else _form(element.quantity))
         if solution is not None:
-            weight[i, : len(solution)] = solution
-            bias[i] = element.offset - weight[i] @ offsets * (element.quantity != "velocity")
-    action = _match_actions(source, target, joints, scale)
+            weight[i] = solution
+            bias[i] = element.offset - weight[i] @ basis.offsets * (element.quantity != "velocity")
+    action = _match_actions(source, target, joints, scale, twin=twin)
     return Match(
-        tuple(sin),
-        tuple(cos),
+        tuple(sin for sin, _ in pairs),
+        tuple(cos for _, cos in pairs),
         tuple(map(tuple, weight.tolist())),
         tuple(bias.tolist()),
         tuple(form),
@@ -141,23 +148,72 @@ def explain(result: Match, source: IOSpec, target: IOSpec) -> str:
     return "\n".join(lines)
 
 
-def _match_joints(source: Sequence[Joint], target: Sequence[Joint]) -> dict[str, tuple[str, float]]:
-    """Map source joint names to (target joint name, sign)."""
-    matched: dict[str, tuple[str, float]] = {}
+Joints = dict[str, tuple[str, float]]
+"""Target joint and sign of each source joint that is matched."""
+
+
+def _match_joints(source: Sequence[Joint], target: Sequence[Joint]) -> Joints:
+    matched: Joints = {}
     taken: set[str] = set()
     for joint in source:
         if joint.parent is not None and joint.parent not in matched:
             continue
         parent = None if joint.parent is None else matched[joint.parent][0]
-        for candidate in target:
-            cosine = float(np.dot(joint.axis, candidate.axis))
-            same_rest = joint.type == "slide" or float(np.dot(joint.rest, candidate.rest)) >= SAME_REST
-            fits = candidate.type == joint.type and candidate.parent == parent and abs(cosine) >= PARALLEL
-            if fits and same_rest and candidate.name not in taken:
-                matched[joint.name] = candidate.name, float(np.sign(cosine))
-                taken.add(candidate.name)
-                break
+        fitting = [one for one in target if one.parent == parent and one.name not in taken and _fits(joint, one)]
+        if fitting:
+            partner = min(fitting, key=lambda one: one.model_name != joint.model_name)  # the first, if none has the name
+            matched[joint.name] = partner.name, float(np.sign(np.dot(joint.axis, partner.axis)))
+            taken.add(partner.name)
     return matched
+
+
+def _fits(joint: Joint, candidate: Joint) -> bool:
+    parallel = abs(float(np.dot(joint.axis, candidate.axis))) >= PARALLEL
+    return candidate.type == joint.type and parallel and (joint.type == "slide" or _rest_alike(joint, candidate))
+
+
+def _rest_alike(joint: Joint, candidate: Joint) -> bool:
+    """Whether the loads rest in the same direction; one that is balanced on its joint has none."""
+    if not any(joint.rest) or not any(candidate.rest):
+        return not any(joint.rest) and not any(candidate.rest)
+    return float(np.dot(joint.rest, candidate.rest)) >= SAME_REST
+
+
+def _same_mechanism(source: IOSpec, target: IOSpec, joints: Joints) -> bool:
+    """Whether the target's joints are the source's, one for one and in order; their lengths and loads may differ.
+
+    Of something without joints only its own environment is known to be the same.
+    """
+    if not source.joints:
+        return (source.env_id, source.obs_dim, source.act_dim) == (target.env_id, target.obs_dim, target.act_dim)
+    pairs = zip(source.joints, target.joints, strict=False)
+    in_order = all(joints.get(own.name) == (other.name, 1.0) for own, other in pairs)
+    return in_order and len(source.joints) == len(target.joints) and source.backend == target.backend
+
+
+def _counterpart(
+    element: Element, source: IOSpec, target: IOSpec, joints: Joints, scale: float, *, twin: bool
+) -> tuple[int, float] | None:
+    """The target's element that is the source's, and the factor between them."""
+    if element.quantity in FORMLESS:
+        same = [k for k, other in enumerate(target.observation) if twin and _alike(element, other)]
+        return (same[0], 1.0) if same else None
+    if any(name not in joints for name in element.joints):
+        return None
+    types = {joint.name: joint.type for joint in source.joints}
+    factors = {_similarity(element.quantity, types[name], scale) for name in element.joints}
+    wanted = {joints[name][0]: c * joints[name][1] for name, c in zip(element.joints, element.coefficients, strict=True)}
+    key = element.quantity, element.age, wanted, element.offset
+    for k, other in enumerate(target.observation):
+        has = other.quantity, other.age, dict(zip(other.joints, other.coefficients, strict=False)), other.offset
+        if has == key and len(factors) == 1 and not (element.offset and factors != {1.0}):
+            return k, factors.pop()
+    return None
+
+
+def _alike(element: Element, other: Element) -> bool:
+    """Whether two elements without a form say the same; what they respond to is found with random states and may differ."""
+    return all(getattr(element, name) == getattr(other, name) for name in ("name", "quantity", "unit", "age"))
 
 
 def angle_pairs(target: IOSpec) -> list[tuple[int, int]]:
@@ -175,6 +231,37 @@ def angle_pairs(target: IOSpec) -> list[tuple[int, int]]:
     return pairs
 
 
+@dataclass(frozen=True)
+class _Basis:
+    """What a target observes of its joints."""
+
+    rows: NDArray
+    """`(d_target + pairs, joints)`: each position's slopes; zero for anything else."""
+    velocities: NDArray
+    """As `rows`, of each velocity."""
+    ages: NDArray
+    """`(d_target + pairs,)`."""
+    offsets: NDArray
+    """`(d_target + pairs,)`: each position's value at zero."""
+
+    @property
+    def width(self) -> int:
+        """Columns of the weight that a core input has."""
+        return len(self.ages)
+
+    @classmethod
+    def of(cls, target: IOSpec, pairs: Sequence[tuple[int, int]]) -> _Basis:
+        """Collect it."""
+        observed = target.observation
+        none = np.zeros(len(target.joints))
+        angles = [_row(observed[sin], target) for sin, _ in pairs]
+        rows = [_row(e, target) if e.quantity == "position" else none for e in observed] + angles
+        velocities = [_row(e, target) if e.quantity == "velocity" else none for e in observed] + [none] * len(pairs)
+        ages = [e.age for e in observed] + [observed[sin].age for sin, _ in pairs]
+        offsets = [e.offset if e.quantity == "position" else 0.0 for e in observed] + [0.0] * len(pairs)
+        return cls(np.array(rows), np.array(velocities), np.array(ages), np.array(offsets))
+
+
 def _row(element: Element, spec: IOSpec) -> NDArray:
     index = {joint.name: k for k, joint in enumerate(spec.joints)}
     row = np.zeros(len(spec.joints))
@@ -184,14 +271,9 @@ def _row(element: Element, spec: IOSpec) -> NDArray:
 
 
 def _solve(
-    element: Element,
-    source: IOSpec,
-    joints: dict[str, tuple[str, float]],
-    target: IOSpec,
-    known: Sequence[NDArray | None],
-    scale: float,
+    element: Element, source: IOSpec, joints: Joints, target: IOSpec, basis: _Basis, scale: float
 ) -> NDArray | None:
-    """Solve for weights over the known target quantities that give the element's (argument's) joint combination."""
+    """Solve for weights over what the target observes that give the element's (argument's) joint combination."""
     if not element.coefficients or any(name not in joints for name in element.joints):
         return None
     index = {joint.name: k for k, joint in enumerate(target.joints)}
@@ -200,17 +282,18 @@ def _solve(
     for name, coefficient in zip(element.joints, element.coefficients, strict=True):
         partner, sign = joints[name]
         wanted[index[partner]] = coefficient * sign * _similarity(element.quantity, types[name], scale)
-    basis = np.array([np.zeros(len(target.joints)) if row is None else row for row in known])
-    weights = np.linalg.lstsq(basis.T, wanted, rcond=None)[0]
+    known = basis.velocities if element.quantity == "velocity" else basis.rows
+    known = known * (basis.ages == element.age)[:, None]
+    weights = np.linalg.lstsq(known.T, wanted, rcond=None)[0]
     weights[np.abs(weights) < 1e-9] = 0.0
-    return weights if np.allclose(basis.T @ weights, wanted, atol=1e-6) else None
+    return weights if np.allclose(known.T @ weights, wanted, atol=1e-6) else None
 
 
 def _form(quantity: str) -> str:
     return quantity if quantity in ("sin", "cos") else "linear"
 
 
-def _length_scale(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, float]]) -> float:
+def _length_scale(source: IOSpec, target: IOSpec, joints: Joints) -> float:
     """Take the geometric mean over the matched hinges."""
     lengths = {joint.name: joint.length for joint in target.joints}
     ratios = [
@@ -227,15 +310,25 @@ def _similarity(quantity: str, joint_type: str, scale: float) -> float:
     return length / time if quantity == "velocity" else length
 
 
-def _match_actions(source: IOSpec, target: IOSpec, joints: dict[str, tuple[str, float]], scale: float) -> NDArray:
+def _match_actions(source: IOSpec, target: IOSpec, joints: Joints, scale: float, *, twin: bool) -> NDArray:
+    """Each source actuator's acceleration, from the target actuators that drive the same joint together."""
     weight = np.zeros((target.act_dim, source.act_dim))
+    names = {actuator.name: k for k, actuator in enumerate(target.action)}
     for j, actuator in enumerate(source.action):
-        if actuator.joint not in joints:
-            continue
-        partner, sign = joints[actuator.joint]
-        for k, candidate in enumerate(target.action):
-            if candidate.joint == partner:
-                length = scale if candidate.unit == "N m" else 1.0  # angular accelerations scale with 1 / length
-                known = actuator.authority and candidate.authority
-                weight[k, j] = sign * (length * actuator.authority / candidate.authority if known else 1.0)
+        alike = names.get(actuator.name) if twin else None
+        if alike is not None and actuator.joint == target.action[alike].joint:
+            weight[alike, j] = _shares(actuator, [target.action[alike]], 1.0, scale)[0]
+        elif actuator.joint in joints:
+            partner, sign = joints[actuator.joint]
+            driving = [k for k, candidate in enumerate(target.action) if candidate.joint == partner]
+            weight[driving, j] = _shares(actuator, [target.action[k] for k in driving], sign, scale)
     return weight
+
+
+def _shares(actuator: Actuator, driving: Sequence[Actuator], sign: float, scale: float) -> list[float]:
+    """The action of each of those that drive a joint together, for an action of 1 of the source's."""
+    together = sum(abs(one.authority) for one in driving)
+    if not (actuator.authority and together):
+        return [sign for _ in driving]
+    length = scale if driving[0].unit == "N m" else 1.0  # angular accelerations scale with 1 / length
+    return [sign * length * actuator.authority / together * float(np.sign(one.authority)) for one in driving]

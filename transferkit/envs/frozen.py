@@ -1,0 +1,158 @@
+"""An environment whose simulated time stands still: what it observes in any state, and what an action does there.
+
+Every step goes through all wrappers and the environment's own code, as the user built them; only the model's time step is so
+small that the state stays what it was set to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from transferkit.envs.memento import Pin, generators
+from transferkit.physics import mujoco
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from transferkit.envs.simulation import Simulation
+
+MOMENT = 1e-13
+"""Seconds of a physics step; an acceleration of 1e6 moves a velocity by less than what counts as a change."""
+
+REPEATS = ("frame_skip", "_n_sub_steps")
+"""Attributes of Gymnasium's and dm_control's environments: physics steps of a control step, one of which is enough."""
+
+ENDING = "_reset_next_step"
+"""Attribute of dm_control's environments, set when an episode has ended."""
+
+TRIES = 3
+"""Steps until the environment is where it was put; one that resets itself after an episode needs two."""
+
+
+class ElusiveError(Exception):
+    """The environment does not stay in the state that it is put into."""
+
+
+@dataclass(frozen=True)
+class State:
+    """A state to look at, and the action that is taken there."""
+
+    qpos: NDArray[np.float64]
+    qvel: NDArray[np.float64]
+    action: NDArray[np.float32]
+    act: NDArray[np.float64] | float = 0.0
+    """Activations of muscles and filters."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """What an action did in a state."""
+
+    control: NDArray[np.float64]
+    """`(nu,)`: what the actuators got."""
+    force: NDArray[np.float64]
+    """`(nv,)`: forces of the actuators and applied ones."""
+    acceleration: NDArray[np.float64]
+    """`(nv,)`."""
+
+
+class Frozen:
+    """Holds an environment still, as a context; afterwards its time runs and its generators are as before."""
+
+    def __init__(self, env: gymnasium.Env, simulation: Simulation) -> None:
+        """Take an environment under the contract."""
+        self._env, self._simulation = env, simulation
+        self.pinned = True
+        """Whether all noise is drawn from the same state of its generators in every step."""
+        self.time_step = simulation.model.opt.timestep
+        """Seconds of a physics step when time runs."""
+
+    def __enter__(self) -> Frozen:
+        self._generators = generators(self._env)
+        self._noisy: list[Pin] | None = None
+        option = self._simulation.model.opt
+        self._integrator = option.integrator
+        keepers = self._simulation.keepers
+        self._repeats = [(own, name, vars(own)[name]) for own in keepers for name in REPEATS if name in vars(own)]
+        for keeper, name, _ in self._repeats:
+            setattr(keeper, name, 1)
+        self._ending = [keeper for keeper in keepers if ENDING in vars(keeper)]
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        option = self._simulation.model.opt
+        option.timestep, option.integrator = self.time_step, self._integrator
+        for keeper, name, repeats in self._repeats:
+            setattr(keeper, name, repeats)
+        for pin in self._generators:
+            pin.restore()
+
+    def see(self, state: State) -> NDArray[np.float64]:
+        """Put the environment into a state and take a step there; returns the observation `(obs_dim,)`.
+
+        Raises:
+            ElusiveError: the step leads elsewhere.
+        """
+        for _ in range(TRIES):
+            self._put(state)
+            observation = self._env.step(state.action)[0]
+            if self._noisy is None:
+                self._noisy = [pin for pin in self._generators if pin.moved()]
+            data = self._simulation.data
+            if _near(data.qpos, state.qpos) and _near(data.qvel, state.qvel):
+                return observation.astype(np.float64)
+        raise ElusiveError("a step does not begin in the state that the simulation is in")
+
+    def see_all(self, states: Sequence[State]) -> NDArray[np.float64]:
+        """Observe one state after the other, `(len(states), obs_dim)`."""
+        return np.array([self.see(state) for state in states])
+
+    def look(self, state: State) -> Look:
+        """What an action does in a state."""
+        self.see(state)
+        model, data = self._simulation.model, self._simulation.data
+        data.qpos[:], data.qvel[:] = state.qpos, state.qvel  # exactly: a contact may be a hair's breadth away
+        _settle_activations(model, data)
+        mujoco.mj_forward(model, data)
+        force = data.qfrc_actuator + data.qfrc_applied
+        if data.xfrc_applied.any():
+            force = force + _of_bodies(model, data)
+        return Look(data.ctrl.copy(), force, data.qacc.copy())
+
+    def _put(self, state: State) -> None:
+        model, data = self._simulation.model, self._simulation.data
+        model.opt.timestep, model.opt.integrator = MOMENT, mujoco.mjtIntegrator.mjINT_EULER
+        data.qpos[:], data.qvel[:], data.act[:], data.qacc_warmstart[:] = state.qpos, state.qvel, state.act, 0.0
+        for keeper in self._ending:
+            setattr(keeper, ENDING, False)
+        if self._simulation.backend == "dm_control":
+            mujoco.mj_step1(model, data)  # which dm_control takes for done
+        for pin in (self._noisy or ()) if self.pinned else ():
+            pin.restore()
+
+
+def _near(now: NDArray[np.float64], then: NDArray[np.float64]) -> bool:
+    return bool((np.abs(now - then) <= 1e-3 * (1 + np.abs(then))).all())
+
+
+def _settle_activations(model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    """Let filters and muscles have what their control leads to."""
+    dynamics = mujoco.mjtDyn
+    for k in range(model.nu):
+        if model.actuator_dyntype[k] in (dynamics.mjDYN_FILTER, dynamics.mjDYN_FILTEREXACT, dynamics.mjDYN_MUSCLE):
+            data.act[model.actuator_actadr[k] + model.actuator_actnum[k] - 1] = data.ctrl[k]
+
+
+def _of_bodies(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:
+    """Forces on bodies as forces on degrees of freedom."""
+    force = np.zeros(model.nv)
+    for body in np.flatnonzero(data.xfrc_applied.any(axis=1)):
+        wrench = data.xfrc_applied[body]
+        mujoco.mj_applyFT(model, data, wrench[:3], wrench[3:], data.xipos[body], int(body), force)
+    return force
