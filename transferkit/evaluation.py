@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit import stats
 from transferkit.config.checks import EPISODES, check_value
-from transferkit.envs import dims, make_env, name_of, rollout
+from transferkit.envs import dims, is_maker, name_of, opened, rollout
 from transferkit.errors import NotFiniteError
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
-    from transferkit.envs import Actor
+    from transferkit.envs import Actor, EnvLike
 
 DEFAULT_EPISODES = 20
 """Episodes of an evaluation."""
@@ -75,7 +75,7 @@ class RandomPolicy:
 
 def evaluate(
     policy: Actor,
-    env: str | Callable[[], gymnasium.Env],
+    env: EnvLike,
     *,
     episodes: int = DEFAULT_EPISODES,
     seed: int = 0,
@@ -89,7 +89,7 @@ def evaluate(
 
     Args:
         policy: has `act`.
-        env: an id, or a function that makes the environment.
+        env: in any form that `make_env` takes; one that is made plays every episode itself and stays open.
         episodes: how many.
         seed: of the episodes' starts; training never uses these streams.
         clip_actions: as the policy was trained.
@@ -103,18 +103,18 @@ def evaluate(
     """
     check_value("episodes", episodes, Annotated[int, EPISODES])
     streams, options = Streams(seed), {"clip_actions": clip_actions, "max_episode_steps": max_episode_steps}
-    pool = [make_env(env if isinstance(env, str) else env(), **options) for _ in range(min(POOL, episodes))]
-    if fits := getattr(policy, "check_fits", None):  # not every actor is a policy
-        fits(dims(pool[0]), name_of(env if isinstance(env, str) else pool[0]))
     returns, lengths, ended = np.zeros(episodes), np.zeros(episodes, int), 0
-    for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
-        returns[step.episode] += step.reward
-        lengths[step.episode] += 1
-        ended += step.done
-        if report is not None:
-            report(ended, steps)
-    for env_k in pool:
-        env_k.close()
+    with ExitStack() as open_envs:
+        size = min(POOL, episodes) if is_maker(env) else 1
+        pool = [open_envs.enter_context(opened(env, **options)) for _ in range(size)]
+        if fits := getattr(policy, "check_fits", None):  # not every actor is a policy
+            fits(dims(pool[0]), name_of(env if isinstance(env, str) else pool[0]))
+        for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
+            returns[step.episode] += step.reward
+            lengths[step.episode] += 1
+            ended += step.done
+            if report is not None:
+                report(ended, steps)
     if not np.isfinite(returns).all():
         raise NotFiniteError("the return of an episode is infinite", remedy="check the environment's rewards")
     return Evaluation(tuple(returns.tolist()), tuple(lengths.tolist()))

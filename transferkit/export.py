@@ -22,6 +22,7 @@ from transferkit.record.play import Subject
 from transferkit.versions import versions
 
 if TYPE_CHECKING:
+    from transferkit.envs import EnvLike
     from transferkit.policy.base import Policy
     from transferkit.spec import IOSpec
 
@@ -118,7 +119,7 @@ def _module(name: str) -> ModuleType:
         raise ConfigError(f"export needs {name}, which is not installed", remedy="pip install 'transferkit[onnx]'") from None
 
 
-def _random_observations(env_id: str) -> Tensor:
+def _random_observations(env: EnvLike) -> Tensor:
     """Observations of random play, and their multiples."""
-    seen = torch.from_numpy(play(env_id, PARITY_ROWS, 0))
+    seen = torch.from_numpy(play(env, PARITY_ROWS, 0))
     return seen * torch.linspace(0.1, 3.0, len(seen)).unsqueeze(-1)

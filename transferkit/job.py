@@ -53,14 +53,14 @@ class Job:
     config: TrainConfig
     policy: Policy
     env: str | Callable[[], gymnasium.Env]
+    """In writing, or what makes one."""
     out: Path
     core: Core | None = None
     record_every: int = 0
 
     def make_env(self) -> gymnasium.Env:
         """Make one environment under the contract."""
-        raw = self.env if isinstance(self.env, str) else self.env()
-        return make_env(raw, **asdict(self.config.env_config))
+        return make_env(self.env, **asdict(self.config.env_config))
 
     def check(self) -> None:
         """Refuse a budget, a device, a folder or a policy that does not fit, before anything is written."""
@@ -78,7 +78,7 @@ class Job:
             return None, []
         if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
             return None, [asdict(recording) for recording in read_beside(read_record(out)).recordings]
-        transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(config.env))
+        transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(self.env))
         if len(transitions) > config.dyna.buffer_size:
             least = f"at least the {len(transitions)} steps of experience"
             raise SettingError("dyna.buffer_size", value=config.dyna.buffer_size, allowed=least)
@@ -122,7 +122,7 @@ class Job:
         if self.record_every and session.evaluations % self.record_every == 0:
             steps = session.spent.steps
             about = {"run": str(self.out), "core": config.core, "training_seed": config.seed, "steps": steps}
-            record_evaluation(Subject(policy, config.env, **asdict(config.env_config), about=about), self.out, steps)
+            record_evaluation(Subject(policy, self.env, **asdict(config.env_config), about=about), self.out, steps)
         return evaluate(policy, self.make_env, episodes=config.eval_episodes).scores()
 
     def trained(self, trainer: Trainer) -> dict[str, Any]:

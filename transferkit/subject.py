@@ -26,23 +26,25 @@ from transferkit.zoo.artifact import load_core
 from transferkit.zoo.catalog import find_card
 
 if TYPE_CHECKING:
+    from transferkit.envs import EnvLike
     from transferkit.evaluation import Evaluation
     from transferkit.nn import Value
     from transferkit.policy.base import Policy
     from transferkit.policy.saved import Beside
 
 
-def load_subject(name: str, *, env: str | None = None, member: int | None = None, values: bool = True) -> Subject:
+def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = None, values: bool = True) -> Subject:
     """Load a finished run's policy, or a core: on its own source, or wrapped onto another environment without training.
 
     Args:
         name: a run directory, or a core's id or folder.
-        env: the environment to play in; by default the run's, or the core's source.
+        env: the environment to play in, in any form; by default the run's, if a record can make it again, or the core's source.
         member: of a core; by default the first.
         values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
 
     Raises:
-        ConfigError: a run is asked for in another environment than its own, or with a member.
+        ConfigError: a run is asked for with a member.
+        EnvironmentContractError: the run's environment is not in writing, or needs a module, and none is named.
         UnknownNameError: neither a run nor a core has this name.
     """
     if (Path(name) / RECORD).exists():
@@ -66,7 +68,7 @@ def load_subject(name: str, *, env: str | None = None, member: int | None = None
 def evaluate_run(
     run_dir: str | Path,
     *,
-    env: str | None = None,
+    env: EnvLike | None = None,
     episodes: int = 20,
     seed: int = 0,
     max_episode_steps: int | None = None,
@@ -75,14 +77,14 @@ def evaluate_run(
     """Evaluate the final policy of a run on its own environment, or on one that is named.
 
     Raises:
-        EnvironmentContractError: its own environment needs a module to be imported, and is not named.
+        EnvironmentContractError: its own environment is not in writing, or needs a module, and none is named.
     """
     config = TrainConfig.from_json(read_record(Path(run_dir)))
     rules = asdict(config.env_config)
     if max_episode_steps is not None:
         rules["max_episode_steps"] = max_episode_steps
-    env = env or id_from_file(config.env, run_dir)
-    return evaluate(load_policy(run_dir), env, episodes=episodes, seed=seed, **rules, report=report)
+    home = id_from_file(config.env, run_dir) if env is None else env
+    return evaluate(load_policy(run_dir), home, episodes=episodes, seed=seed, **rules, report=report)
 
 
 def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
@@ -125,12 +127,10 @@ def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run
     return make_critic(rebuilt, config.dyna, config.network.hidden, Streams(0).torch("critic"), wrapped=True)
 
 
-def _run_subject(run: Path, env: str | None, *, values: bool) -> Subject:
+def _run_subject(run: Path, env: EnvLike | None, *, values: bool) -> Subject:
     record = read_record(run)
     config = TrainConfig.from_json(record)
-    if env not in (None, config.env):
-        raise ConfigError(f"run {run} was trained in {config.env} and cannot play {env}", remedy="leave out {env}")
-    home = id_from_file(config.env, run, env)
+    home = id_from_file(config.env, run) if env is None else env
     policy = load_policy(run)
     digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
     training = {name: getattr(config, name) for name in ("algo", "preset", "core", "member", "seed")}

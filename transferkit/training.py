@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
-
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, check_read, preset_family, with_settings
 from transferkit.config.checks import check_kind
-from transferkit.errors import ConfigError
+from transferkit.envs import copies_of, recorded
 from transferkit.job import Job
 from transferkit.nn import one_thread
 from transferkit.policy.base import Policy
@@ -23,12 +21,15 @@ from transferkit.zoo.artifact import load_core
 
 if TYPE_CHECKING:
     from transferkit.config import Algorithm
+    from transferkit.envs import EnvLike
+    from transferkit.policy.core import Core
     from transferkit.run import Report, Result
 
 RUNS = Path("runs")
 """Folder of run directories that are not named."""
 
-MakeEnv = Callable[[], gymnasium.Env]
+LONGEST = 200
+"""Characters of such a folder's name; file systems take 255 bytes."""
 
 
 def run_training(
@@ -63,7 +64,7 @@ def run_training(
 
 def train(
     policy: Policy,
-    env: str | MakeEnv,
+    env: EnvLike,
     budget: Budget,
     *,
     algo: Algorithm = "ppo",
@@ -82,7 +83,7 @@ def train(
 
     Args:
         policy: from `wrap` or `scratch_policy`.
-        env: an id, or a function that makes one environment.
+        env: in any form that `make_env` takes; of one that is made copies are trained in.
         budget: episodes, steps or seconds; the first one reached ends training.
         algo: the trainer.
         preset: which trainer settings to use: `default`, `paper`, or a version of them, such as `default-v1`.
@@ -102,11 +103,10 @@ def train(
     check_kind("policy", policy, Policy, "make one with wrap(core, env) or scratch_policy(env)")
     check_kind("budget", budget, Budget, "give one, such as Budget(episodes=200)")
     check_kind("settings", {} if settings is None else settings, Mapping, "give them by name, such as {'ppo.gamma': 0.98}")
-    if not (isinstance(env, str) or callable(env)):
-        raise ConfigError(f"env is of type {type(env).__name__}", remedy="give an id, or a function that makes one environment")
-    name = env if isinstance(env, str) else getattr(env, "__name__", type(env).__name__)
+    core, wrapping = _core_of(policy)
     config = TrainConfig(
-        name,
+        recorded(env),
+        **wrapping,
         algo=algo,
         preset=preset,
         seed=seed,
@@ -119,7 +119,7 @@ def train(
     config = with_settings(config, settings or {})
     check_read(config, settings or {}, ready=True)
     with one_thread():
-        job = Job(config, policy, env, default_directory(config) if out is None else Path(out))
+        job = Job(config, policy, copies_of(env), default_directory(config) if out is None else Path(out), core)
         return _run(job, resume=resume, report=report)
 
 
@@ -127,7 +127,15 @@ def default_directory(config: TrainConfig) -> Path:
     """Name a run directory: `runs/<env>_<core or scratch>_<algo>_<preset>_seed<k>`, the preset without its version."""
     core = "scratch" if config.core is None else f"{Path(config.core).name}.{config.member}"
     name = f"{config.env}_{core}_{config.algo}_{preset_family(config.preset)}_seed{config.seed}"
-    return RUNS / re.sub(r"[/:]", "-", name)
+    return RUNS / re.sub(r"[^\w.,=\[\]+-]+", "-", name).strip("-")[:LONGEST]
+
+
+def _core_of(policy: Policy) -> tuple[Core | None, dict[str, Any]]:
+    """The core that a policy was wrapped around, and what a record says of it."""
+    origin = getattr(policy, "origin", None)
+    if origin is None:
+        return None, {}
+    return origin.core, {"core": origin.core.id, "member": origin.member, "wrap": policy.config}
 
 
 def _run(job: Job, *, resume: bool, report: Report | None) -> Result:

@@ -1,30 +1,23 @@
 """Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
-from transferkit.envs.make import (
-    NO_LIMIT,
-    dims,
-    dims_of,
-    environment_ids,
-    episode_limit,
-    failed,
-    id_from_file,
-    make_env,
-    name_of,
-    time_step,
-)
+from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, time_step
+from transferkit.envs.make import copies_of, dims_of, environment_ids, id_from_file, is_maker, make_env, opened, recorded
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
 from transferkit.envs.vector import Count, Step, VectorEnv
+from transferkit.envs.written import EnvLike, name_of
 
 __all__ = [
     "NO_LIMIT",
     "Actor",
     "Count",
+    "EnvLike",
     "Simulation",
     "Step",
     "Transition",
     "VectorEnv",
+    "copies_of",
     "derive_spec",
     "dims",
     "dims_of",
@@ -32,9 +25,12 @@ __all__ = [
     "episode_limit",
     "failed",
     "id_from_file",
+    "is_maker",
     "make_env",
     "name_of",
     "open_simulation",
+    "opened",
+    "recorded",
     "rollout",
     "time_step",
 ]

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from transferkit.envs.frozen import Look
     from transferkit.spec import Joint
 
+SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
+"""Joints of one degree of freedom."""
+
 NEGLIGIBLE = 1e-6
 """Of the largest force on a degree of freedom."""
 
@@ -68,10 +71,10 @@ def _only_dof(looks: Sequence[tuple[float, Look]], none: Look, driven: NDArray[n
     pushed = np.flatnonzero(forces > NEGLIGIBLE * forces.max(initial=0.0))
     if len(pushed):
         return int(pushed[0]) if len(pushed) == 1 else None
-    on_joints = len(driven) == 1 and model.actuator_trntype[driven[0]] == mujoco.mjtTrn.mjTRN_JOINT
-    joint = int(model.actuator_trnid[driven[0], 0]) if on_joints else -1
-    scalar = joint >= 0 and model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
-    return int(model.jnt_dofadr[joint]) if scalar else None
+    if len(driven) != 1 or int(model.actuator_trntype[driven[0]]) != int(mujoco.mjtTrn.mjTRN_JOINT):
+        return None
+    joint = int(model.actuator_trnid[driven[0], 0])
+    return int(model.jnt_dofadr[joint]) if int(model.jnt_type[joint]) in SCALAR else None
 
 
 def _steepest(effects: Sequence[tuple[float, float]]) -> float:

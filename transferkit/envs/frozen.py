@@ -28,6 +28,9 @@ MOMENT = 1e-13
 REPEATS = ("frame_skip", "_n_sub_steps")
 """Attributes of Gymnasium's and dm_control's environments: physics steps of a control step, one of which is enough."""
 
+FOLLOWING = [int(kind) for kind in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT, mujoco.mjtDyn.mjDYN_MUSCLE)]
+"""Dynamics of actuators whose activation goes where the control is."""
+
 ENDING = "_reset_next_step"
 """Attribute of dm_control's environments, set when an episode has ended."""
 
@@ -143,10 +146,8 @@ def _near(now: NDArray[np.float64], then: NDArray[np.float64]) -> bool:
 
 def _settle_activations(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Let filters and muscles have what their control leads to."""
-    dynamics = mujoco.mjtDyn
-    for k in range(model.nu):
-        if model.actuator_dyntype[k] in (dynamics.mjDYN_FILTER, dynamics.mjDYN_FILTEREXACT, dynamics.mjDYN_MUSCLE):
-            data.act[model.actuator_actadr[k] + model.actuator_actnum[k] - 1] = data.ctrl[k]
+    settling = np.flatnonzero(np.isin(model.actuator_dyntype, FOLLOWING))
+    data.act[model.actuator_actadr[settling] + model.actuator_actnum[settling] - 1] = data.ctrl[settling]
 
 
 def _of_bodies(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:

@@ -6,10 +6,13 @@ truncated apart, `reset(seed=)` deterministic.
 
 from __future__ import annotations
 
+import copy
 import functools
-import logging
-import math
-import traceback
+import importlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +21,18 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError, UnknownNameError
+from transferkit.env_id import EnvId
+from transferkit.envs.contract import Contract, dims, failed
+from transferkit.envs.written import EnvLike, is_written, name_of, written
+from transferkit.errors import EnvironmentContractError, TransferkitError, UnknownNameError
 from transferkit.renderer import choose_renderer
 
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 
 DM_CONTROL_PREFIX = "dm_control/"
-NO_LIMIT = 10_000
-"""Steps after which an episode of an environment without a time limit is truncated."""
+
+MOST_REPEATS = 1000
+"""Physics steps of a control step that an id from a file may ask for."""
 
 
 def environment_ids() -> list[str]:
@@ -41,7 +48,7 @@ def environment_ids() -> list[str]:
 
 
 def make_env(
-    env: str | gymnasium.Env,
+    env: EnvLike,
     *,
     render_mode: str | None = None,
     clip_actions: bool = True,
@@ -50,23 +57,25 @@ def make_env(
     """Put an environment under transferkit's contract.
 
     Args:
-        env: an id of Gymnasium's registry, `dm_control/<domain>-<task>-v0`, or an environment of your own.
+        env: an id of Gymnasium's registry or `dm_control/<domain>-<task>-v0`, perhaps with keyword arguments
+            (`Ant-v5?frame_skip=10`); an environment of your own, Gymnasium's or dm_control's; or a function that makes one.
         render_mode: handed to the environment when it is made from an id.
         clip_actions: False lets actions beyond [-1, 1] reach the environment, as in the paper's code.
         max_episode_steps: truncate episodes here; by default after 10,000 steps if the environment has no limit of its own.
 
     Raises:
         UnknownNameError: no environment has this id.
-        EnvironmentContractError: a discrete, image or nested space, unbounded actions, or nothing can be rendered here.
+        EnvironmentContractError: a discrete, image or nested space, actions without bounds or without room between them, or
+            nothing can be rendered here.
     """
     if render_mode is not None:
         choose_renderer()
-    raw = _from_id(env, render_mode) if isinstance(env, str) else env
+    raw = _raw(env, render_mode)
     if isinstance(raw, Contract):
         if (clip_actions or not raw.clip) and max_episode_steps is None:
             return raw
         raw, clip_actions = raw.env, clip_actions and raw.clip
-    name = name_of(env)
+    name = name_of(env if isinstance(env, str) else raw)
     try:
         spaces = (("action", raw.action_space, True), ("observation", raw.observation_space, False))
     except Exception as error:  # of an environment of the user's
@@ -79,191 +88,197 @@ def make_env(
                 allowed=f"a flat{' and bounded' * bounded} Box",
                 topic="environments",
             )
+    _check_room(raw.action_space, name)
     return Contract(raw, clip=clip_actions, max_episode_steps=max_episode_steps)
 
 
-def id_from_file(env_id: str, source: str | Path, named: str | None = None) -> str:
-    """Take an environment id that a file names; Gymnasium imports the module before a colon, which only the user may ask for.
+def copies_of(env: EnvLike) -> str | Callable[[], gymnasium.Env]:
+    """What makes an environment as often as needed: of one that is made, copies.
 
     Raises:
-        EnvironmentContractError: the id has a module and is not the one that the user named.
+        ConfigError: it is no environment, or cannot be copied.
     """
-    if ":" in env_id and env_id != named:
+    if is_maker(env):
+        return env  # pyright: ignore[reportReturnType] - an id or a function
+    return functools.partial(_copied, env)  # pyright: ignore[reportArgumentType]
+
+
+def recorded(env: EnvLike) -> str:
+    """What a record says of an environment: what makes it again, or `<its name>` if nothing in writing does.
+
+    A model that was changed after it was made is not made again by its id.
+    """
+    if isinstance(env, str):
+        return env
+    with opened(env) as made:
+        name = written(made.env) if isinstance(made, Contract) else written(made)
+        if not is_written(name):
+            return name
+        with opened(name) as again:
+            made.reset(seed=0)
+            again.reset(seed=0)  # which changes the models of some
+            return name if _same_model(made, again) else f"<{name}, changed>"
+
+
+def dims_of(env: EnvLike) -> tuple[int, int]:
+    """As `dims`, of an environment in any form."""
+    with opened(env) as made:
+        return dims(made)
+
+
+@contextmanager
+def opened(env: EnvLike, **rules: Any) -> Iterator[Env]:  # noqa: ANN401 - those of `make_env`
+    """An environment under the contract, which is closed afterwards if it was made here."""
+    made = make_env(env, **rules)
+    try:
+        yield made
+    finally:
+        if is_maker(env):
+            made.close()
+
+
+def is_maker(env: EnvLike) -> bool:
+    """Whether it makes an environment whenever it is asked, in contrast to one that is made."""
+    return not (isinstance(env, gymnasium.Env) or _is_native(env))
+
+
+def id_from_file(env_id: str, source: str | Path, named: str | None = None) -> str:
+    """Take an environment that a file names; Gymnasium imports the module before a colon, which only the user may ask for.
+
+    Raises:
+        EnvironmentContractError: it has a module and is not the one that the user named, or it is not in writing.
+    """
+    if not is_written(env_id):
+        if named is None:
+            raise EnvironmentContractError(
+                f"the environment of {source} was {env_id}, which no id makes again",
+                remedy="name one that does: {env=ID}, or {env=MODULE:FUNCTION}",
+            )
+        return named
+    given = EnvId.read(env_id)
+    if ":" in given.id and (named is None or given.id != EnvId.read(named).id):
         raise EnvironmentContractError(
-            f"{source} names the environment {env_id}, which runs the module {env_id.partition(':')[0]}",
+            f"{source} names the environment {env_id}, which runs the module {given.id.partition(':')[0]}",
             remedy=f"if you trust that, name it yourself: {{env={env_id}}}",
         )
+    repeats = given.kwargs.get("frame_skip", 1)
+    if not isinstance(repeats, int) or not 1 <= repeats <= MOST_REPEATS:
+        raise EnvironmentContractError(f"frame_skip of {env_id}", value=repeats, allowed=f"1 to {MOST_REPEATS}")
     return env_id
 
 
-class Contract(gymnasium.Wrapper):
-    """Float32 observations, and actions in [-1, 1] that are clipped and then scaled to the wrapped environment's bounds.
+def _raw(env: EnvLike, render_mode: str | None) -> gymnasium.Env:
+    if isinstance(env, str):
+        return _from_id(env, render_mode)
+    if isinstance(env, gymnasium.Env):
+        return _adapted(env)
+    if not callable(env):
+        return _adapted(env)
+    name = name_of(env)
+    try:
+        made = env()
+    except TransferkitError:
+        raise
+    except (Exception, SystemExit) as error:  # of a function of the user's
+        raise failed(name, "making it", error) from error
+    return make_env(made).env if isinstance(made, str) else _adapted(made)  # pyright: ignore[reportAttributeAccessIssue]
 
-    What the environment returns is checked in every step, and an episode that never ends is truncated. Gymnasium's
-    `RescaleAction` does not clip and its `ClipAction` declares an infinite space, so neither states [-1, 1].
-    """
 
-    def __init__(self, env: gymnasium.Env, *, clip: bool = True, max_episode_steps: int | None = None) -> None:
-        super().__init__(env)
-        actions, observations = env.action_space, env.observation_space
-        assert isinstance(actions, Box)
-        assert isinstance(observations, Box)
-        self.action_space = Box(-1.0, 1.0, actions.shape, np.float32)
-        self.observation_space = Box(-np.inf, np.inf, observations.shape, np.float32)
-        low, high = actions.low.astype(np.float64), actions.high.astype(np.float64)
-        self._centre, self._half_range = (low + high) / 2, (high - low) / 2
-        self.clip, self._limit = clip, 1.0 if clip else np.inf
-        self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
-        self._given_up = max_episode_steps is None
-        self._steps = 0
+def _adapted(env: Any) -> gymnasium.Env:  # noqa: ANN401 - Gymnasium's, dm_control's, or something else
+    """A Gymnasium environment of one that is Gymnasium's or dm_control's, as it is or in Shimmy's wrapper."""
+    native = getattr(env, "_env", None) if type(env).__name__.startswith("DmControlCompatibility") else env
+    if _is_native(native):
+        import envs_dmc  # noqa: PLC0415 - takes seconds to import
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Start an episode.
+        return envs_dmc.DmControlEnv(native, render_mode=getattr(env, "render_mode", None))
+    if not isinstance(env, gymnasium.Env):
+        raise EnvironmentContractError(
+            f"env is of type {type(env).__name__}",
+            remedy="give an id, an environment of Gymnasium or dm_control, or a function that makes one",
+            topic="environments",
+        )
+    return env
 
-        Raises:
-            EnvironmentContractError: the environment raises, or returns something else than an observation and an info.
-            NotFiniteError: the observation has NaN or an infinite number.
-        """
-        self._steps = 0
-        try:
-            observation, info = self.env.reset(seed=seed, options=options)
-            observation = np.array(observation, np.float32)
-        except (Exception, SystemExit) as error:
-            raise self._broken(error, "reset") from error
-        self._check(observation, 0.0, info)
-        return observation, info
 
-    def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Advance one control step.
+def _is_native(env: object) -> bool:
+    """Whether it is dm_control's, which is only imported if somebody else has done so."""
+    dm_env = sys.modules.get("dm_env")
+    return dm_env is not None and isinstance(env, dm_env.Environment)
 
-        Raises:
-            EnvironmentContractError: the environment raises, or returns other types or shapes than it declares.
-            NotFiniteError: the action, the observation or the reward has NaN or an infinite number.
-        """
-        clipped = np.minimum(np.maximum(action, -self._limit), self._limit)  # a fifth of np.clip's time
-        scaled = self._centre + self._half_range * clipped
-        if not math.isfinite(scaled.sum()):
-            raise self._not_finite("the policy chose an action")
-        self._steps += 1
-        try:
-            observation, reward, terminated, truncated, info = self.env.step(scaled)
-            observation, reward = np.array(observation, np.float32), float(reward)
-            terminated, truncated = bool(terminated), bool(truncated)
-        except (Exception, SystemExit) as error:
-            raise self._broken(error, f"step {self._steps}") from error
-        self._check(observation, reward, info)
-        if self._steps >= self._most and not terminated and not truncated:
-            truncated = True
-            if self._given_up:
-                _say_given_up(name_of(self.env))
-        return observation, reward, terminated, truncated, info
 
-    def close(self) -> None:
-        """Close the environment."""
-        try:
-            self.env.close()
-        except (Exception, SystemExit) as error:
-            raise self._broken(error, "close") from error
+def _copied(env: gymnasium.Env) -> gymnasium.Env:
+    try:
+        return copy.deepcopy(env)
+    except Exception as error:  # whatever an attribute of the user's raises
+        raise EnvironmentContractError(
+            f"environment {name_of(env)} cannot be copied: {type(error).__name__}: {error}",
+            remedy="give a function that makes one",
+            topic="environments",
+        ) from None
 
-    def _check(self, observation: NDArray[np.float32], reward: float, info: object) -> None:
-        if observation.shape != self.observation_space.shape or not isinstance(info, dict):
-            returned = f"an observation of shape {observation.shape} and info of type {type(info).__name__}"
-            raise EnvironmentContractError(
-                f"environment {name_of(self.env)} returned {returned}, not {self.observation_space.shape} and dict",
-                topic="environments",
-            )
-        # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
-        if not math.isfinite(observation.sum(dtype=np.float64) + reward):
-            raise self._not_finite(f"environment {name_of(self.env)} returned an observation or a reward")
 
-    def _not_finite(self, what: str) -> NotFiniteError:
-        return NotFiniteError(
-            f"{what} with NaN or infinity in step {self._steps} of an episode",
-            remedy="check the environment, or lower the learning rate",
+def _same_model(env: gymnasium.Env, other: gymnasium.Env) -> bool:
+    from transferkit.envs.simulation import model_bytes  # noqa: PLC0415 - mujoco takes a moment
+
+    return model_bytes(env) == model_bytes(other)
+
+
+def _check_room(space: gymnasium.Space, name: str) -> None:
+    assert isinstance(space, Box)
+    for k in np.flatnonzero(space.low >= space.high):
+        raise EnvironmentContractError(
+            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g} and cannot do anything",
+            remedy="give its actuator a ctrlrange in the model",
+            topic="environments",
         )
 
-    def _broken(self, error: BaseException, where: str) -> TransferkitError:
-        return error if isinstance(error, TransferkitError) else failed(name_of(self.env), where, error)
 
-
-def failed(env: str, where: str, error: BaseException) -> EnvironmentContractError:
-    """The one line about an exception in somebody else's code."""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    try:
-        words = str(error)
-    except Exception:  # of an error of the environment's own
-        words = "no reason that can be written"
-    reason = " ".join(f"{type(error).__name__}: {words}".split())[:300]
-    place = f"{Path(frame.filename).name}, line {frame.lineno}"
-    return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="environments")
-
-
-@functools.cache
-def _say_given_up(env: str) -> None:
-    logging.getLogger("transferkit").warning(
-        "%s has no time limit: an episode is truncated after %d steps; env_config.max_episode_steps sets another", env, NO_LIMIT
-    )
-
-
-def dims(env: gymnasium.Env) -> tuple[int, int]:
-    """Lengths of the observation and of the action of an environment under the contract."""
-    observations, actions = env.observation_space.shape, env.action_space.shape
-    assert observations is not None
-    assert actions is not None
-    return observations[0], actions[0]
-
-
-def dims_of(env: str | gymnasium.Env) -> tuple[int, int]:
-    """As `dims`, of an environment by id, which is made for it and closed, or of one of your own."""
-    made = make_env(env)
-    found = dims(made)
-    if isinstance(env, str):
-        made.close()
-    return found
-
-
-def episode_limit(env: gymnasium.Env) -> int | None:
-    """Control steps until the environment truncates; None if it never does."""
-    if env.spec is not None and env.spec.max_episode_steps is not None:
-        return env.spec.max_episode_steps
-    return getattr(env.unwrapped, "episode_limit", None)
-
-
-def time_step(env: gymnasium.Env) -> float:
-    """Seconds of simulated time per step; 0.0 if the environment does not say."""
-    return float(getattr(env.unwrapped, "dt", 0.0))
-
-
-def _from_id(env_id: str, render_mode: str | None) -> gymnasium.Env:
-    if env_id.startswith(DM_CONTROL_PREFIX):
-        return _from_suite(env_id, render_mode)
-    kwargs: dict[str, Any] = {} if render_mode is None else {"render_mode": render_mode}
-    module, colon, name = env_id.partition(":")
+def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
+    given = EnvId.read(text)
+    kwargs = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
+    _check_files(text, kwargs)
+    if given.id.startswith(DM_CONTROL_PREFIX):
+        return _from_suite(text, given.id, kwargs)
+    module, colon, name = given.id.partition(":")
     if colon and (":" in name or not all(part.isidentifier() for part in module.split("."))):
-        raise EnvironmentContractError(f"environment {env_id}", allowed="an id, or MODULE:ID", topic="environments")
+        raise EnvironmentContractError(f"environment {text}", allowed="an id, MODULE:ID or MODULE:FUNCTION", topic="environments")
     try:
-        return gymnasium.make(env_id, disable_env_checker=True, **kwargs)
+        make = _function_in(module, name) if colon else None
+        if make is not None:
+            return _adapted(make(**kwargs))
+        return gymnasium.make(given.id, disable_env_checker=True, **kwargs)
     except (gymnasium.error.UnregisteredEnv, gymnasium.error.NameNotFound):
-        raise UnknownNameError("environment", env_id, environment_ids(), topic="environments") from None
+        raise UnknownNameError("environment", given.id, environment_ids(), topic="environments") from None
     except (gymnasium.error.Error, ModuleNotFoundError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise EnvironmentContractError(f"environment {env_id} cannot be made: {reason}", topic="environments") from error
+        raise EnvironmentContractError(f"environment {text} cannot be made: {reason}", topic="environments") from error
+    except TransferkitError:
+        raise
     except (Exception, SystemExit) as error:  # of a module or an environment of the user's
-        raise failed(env_id, "making it", error) from error
+        raise failed(text, "making it", error) from error
 
 
-def _from_suite(env_id: str, render_mode: str | None) -> gymnasium.Env:
+def _function_in(module: str, name: str) -> Callable[..., gymnasium.Env] | None:
+    """The function of this name in a module that the user named, which may lie in the working directory."""
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())
+    found = getattr(importlib.import_module(module), name, None) if name.isidentifier() else None
+    return found if callable(found) else None
+
+
+def _check_files(text: str, kwargs: dict[str, Any]) -> None:
+    """Refuse pipes and devices, which an id from a file may name where a model is expected."""
+    for name, value in kwargs.items():
+        if isinstance(value, str) and os.path.exists(value) and not os.path.isfile(value):
+            raise EnvironmentContractError(f"{name} of {text}", value=value, allowed="a regular file", topic="environments")
+
+
+def _from_suite(text: str, env_id: str, kwargs: dict[str, Any]) -> gymnasium.Env:
     import envs_dmc  # noqa: PLC0415 - takes seconds to import
 
     if env_id not in envs_dmc.task_ids():
         raise UnknownNameError("environment", env_id, environment_ids(), topic="environments")
-    return envs_dmc.make(env_id, render_mode)
-
-
-def name_of(env: str | gymnasium.Env) -> str:
-    """The id of an environment, or the name of its class if it has none."""
-    if isinstance(env, str):
-        return env
-    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    try:
+        return envs_dmc.make(env_id, **kwargs)
+    except (TypeError, ValueError) as error:
+        raise failed(text, "making it", error) from error

@@ -17,13 +17,16 @@ from typing import TYPE_CHECKING
 import gymnasium
 import numpy as np
 
+from transferkit.env_id import EnvId
 from transferkit.envs.actuators import read_actuators, unknown_actuators
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.frozen import ElusiveError, Frozen
 from transferkit.envs.joints import read_joints
 from transferkit.envs.labels import labels
-from transferkit.envs.make import Contract, dims, episode_limit, failed, make_env, name_of, time_step
+from transferkit.envs.contract import Contract, dims, episode_limit, failed, time_step
+from transferkit.envs.make import opened, recorded
+from transferkit.envs.written import EnvLike, name_of
 from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import TransferkitError
@@ -45,41 +48,43 @@ _DERIVED: dict[str, tuple[object, IOSpec]] = {}
 """What Gymnasium had registered under an id, and the spec that was derived from it."""
 
 
-def derive_spec(env: str | gymnasium.Env) -> IOSpec:
-    """Derive the meaning of an environment's observation and action; its state is lost (reset it afterwards).
+def derive_spec(env: EnvLike) -> IOSpec:
+    """Derive the meaning of an environment's observation and action.
 
-    Works for every MuJoCo environment of either backend. If the backend does not let the observation be asked for, and
-    outside MuJoCo, every element is `unknown`. An id is probed once a process, as long as it names the same.
+    Of an environment that is made its state is lost: reset it afterwards. What it observes is probed through all of its
+    wrappers, and what it does by what reaches the simulation; what cannot be probed is `unknown`, as everything is outside
+    MuJoCo. An id is probed once a process, as long as it names the same.
+
+    Raises:
+        UnknownNameError: no environment has this id.
+        EnvironmentContractError: it cannot be put under the contract, or fails.
     """
     if not isinstance(env, str):
         return _derive(env)
-    registered = gymnasium.registry.get(env)
+    registered = gymnasium.registry.get(EnvId.read(env).id)
     if env not in _DERIVED or _DERIVED[env][0] is not registered:
         _DERIVED[env] = registered, _derive(env)
     return _DERIVED[env][1]
 
 
-def _derive(env: str | gymnasium.Env) -> IOSpec:
-    made = make_env(env)
-    name = name_of(env)
-    for wrapper in learning_wrappers(made):
-        LOGGER.warning(
-            "%s of %s learns outside the policy: its numbers mean something else after every step; leave it out, since policies "
-            "normalise what they observe",
-            wrapper,
-            name,
-        )
-    try:
-        with undisturbed(made):
-            made.reset(seed=0)
-            return _spec(made, name)
-    except TransferkitError:
-        raise
-    except Exception as error:
-        raise failed(name, "being probed", error) from error
-    finally:
-        if isinstance(env, str):
-            made.close()
+def _derive(env: EnvLike) -> IOSpec:
+    with opened(env) as made:
+        name = name_of(env if isinstance(env, str) else made)
+        for wrapper in learning_wrappers(made):
+            LOGGER.warning(
+                "%s of %s learns outside the policy: its numbers mean something else after every step; leave it out, since "
+                "policies normalise what they observe",
+                wrapper,
+                name,
+            )
+        try:
+            with undisturbed(made):
+                made.reset(seed=0)
+                return _spec(made, recorded(env if isinstance(env, str) else made))
+        except TransferkitError:
+            raise
+        except Exception as error:
+            raise failed(name, "being probed", error) from error
 
 
 def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
@@ -87,6 +92,8 @@ def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
     low, high, obs_dim = made.env.action_space.low, made.env.action_space.high, dims(made)[0]  # below the scaling of actions
     simulation = open_simulation(made)
     pace = _pace(made, simulation)
+    if not pace:
+        LOGGER.warning("%s has no `dt`, and no simulated time passes in its steps: how long they are is not known", env_id)
     if simulation is None:
         backend, joints, actuators = "other", [], unknown_actuators(low, high)
         elements = _unknown(labels(made.env))

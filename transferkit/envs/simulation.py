@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from transferkit.physics import mujoco
 
@@ -72,3 +73,13 @@ def _is_physics(value: object) -> bool:
 def _parts(holder: object) -> Iterator[Any]:
     """The objects that an object has as attributes."""
     return (value for value in getattr(holder, "__dict__", {}).values() if hasattr(value, "__dict__") and not isinstance(value, type))
+
+
+def model_bytes(env: gymnasium.Env) -> bytes:
+    """The model behind an environment as MuJoCo writes it; empty if there is none."""
+    simulation = open_simulation(env)
+    if simulation is None:
+        return b""
+    buffer = np.empty(mujoco.mj_sizeModel(simulation.model), np.uint8)
+    mujoco.mj_saveModel(simulation.model, None, buffer)
+    return buffer.tobytes()

@@ -6,19 +6,18 @@ import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import gymnasium
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
 from transferkit.config.checks import check_kind
-from transferkit.envs import dims_of, make_env, name_of, rollout
+from transferkit.envs import dims_of, name_of, opened, rollout
 from transferkit.nn import MLP, gaussian
 from transferkit.policy.base import Policy
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
-    from transferkit.envs import Actor
+    from transferkit.envs import Actor, EnvLike
 
 DEAD = 1e-6
 """Least spread of a unit that counts as alive."""
@@ -61,12 +60,12 @@ class Health:
         return [text for text, holds in signs.items() if holds]
 
 
-def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: int = 0) -> Health:
+def health(policy: Policy, env: EnvLike, *, steps: int = 500, seed: int = 0) -> Health:
     """Measure a policy on observations from random play in the environment, and from its own.
 
     Args:
         policy: any policy of the environment's dimensions; it is not changed.
-        env: an id or an environment; its state is lost.
+        env: in any form that `make_env` takes; the state of one that is made is lost.
         steps: observations to collect of either play.
         seed: of the play and of the sampled actions.
 
@@ -100,18 +99,16 @@ def health(policy: Policy, env: str | gymnasium.Env, *, steps: int = 500, seed: 
     )
 
 
-def play(env: str | gymnasium.Env, steps: int, seed: int, policy: Actor | None = None) -> NDArray[np.float32]:
+def play(env: EnvLike, steps: int, seed: int, policy: Actor | None = None) -> NDArray[np.float32]:
     """Collect observations `(steps, obs_dim)` under the policy's mean actions; without one under uniform actions."""
-    made, streams = make_env(env), Streams(seed)
-    assert made.action_space.shape is not None
-    actor = policy or _Uniform(made.action_space.shape, streams.numpy("health actions"))
+    streams = Streams(seed)
     observations: list[NDArray[np.float32]] = []
-    # Seeded by what has been seen so far, so that longer play begins like shorter play.
-    transitions = rollout(actor, [made], lambda _: streams.integer("health", len(observations)))
-    for step in itertools.islice(transitions, steps):
-        observations.append(step.observation)  # noqa: PERF401 - the seeds read its length meanwhile
-    if isinstance(env, str):
-        made.close()
+    with opened(env) as made:
+        actor = policy or _Uniform(made.action_space.shape or (), streams.numpy("health actions"))
+        # Seeded by what has been seen so far, so that longer play begins like shorter play.
+        transitions = rollout(actor, [made], lambda _: streams.integer("health", len(observations)))
+        for step in itertools.islice(transitions, steps):
+            observations.append(step.observation)  # noqa: PERF401 - the seeds read its length meanwhile
     return np.stack(observations)
 
 

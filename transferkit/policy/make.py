@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import gymnasium
 import torch
 
 from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_version
@@ -24,6 +23,7 @@ from transferkit.streams import Streams
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
+    from transferkit.envs import EnvLike
     from transferkit.policy.base import Policy
 
 SEEDED = ("input_adapter", "output_adapter", "residual")
@@ -32,7 +32,7 @@ SEEDED = ("input_adapter", "output_adapter", "residual")
 
 def wrap(
     core: Core,
-    env: str | gymnasium.Env | IOSpec,
+    env: EnvLike | IOSpec,
     *,
     preset: str = "default",
     config: WrapConfig | None = None,
@@ -44,7 +44,7 @@ def wrap(
 
     Args:
         core: from `transferkit.load_core`.
-        env: the target, by id, as an environment (its state is lost: reset it), or as an `IOSpec`.
+        env: the target, in any form that `make_env` takes (the state of one that is made is lost: reset it), or its `IOSpec`.
         preset: whose sandwich to build: `default`, `paper`, or a version of them, such as `default-v1`.
         config: all options at once, in place of the preset.
         member: which of the core's source seeds.
@@ -78,11 +78,11 @@ def new_policy(config: TrainConfig, core: Core | None) -> Policy:
     return scratch_policy(config.env, config.network, seed=config.seed)
 
 
-def scratch_policy(env: str | gymnasium.Env, network: NetworkConfig | None = None, *, seed: int = 0) -> ScratchPolicy:
+def scratch_policy(env: EnvLike, network: NetworkConfig | None = None, *, seed: int = 0) -> ScratchPolicy:
     """Make a new network for an environment, without a core.
 
     Args:
-        env: an id, or an environment of your own.
+        env: in any form that `make_env` takes.
         network: its layers, deviation and initialisation; by default those of PPO's newest preset.
         seed: of the initial weights; with the seed of `train` it is the network that a run from scratch begins with.
 

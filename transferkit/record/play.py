@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -15,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from transferkit.config.checks import EPISODES, Seed, check_kind, check_value
-from transferkit.envs import derive_spec, make_env, open_simulation, rollout
+from transferkit.envs import derive_spec, dims, open_simulation, opened, rollout
 from transferkit.errors import RecordingError, TransferkitError
 from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
@@ -25,7 +24,7 @@ from transferkit.streams import Streams
 from transferkit.versions import command, versions
 
 if TYPE_CHECKING:
-    from transferkit.envs import Simulation, Transition
+    from transferkit.envs import EnvLike, Simulation, Transition
     from transferkit.nn import Value
     from transferkit.policy.base import Policy
 
@@ -38,7 +37,7 @@ class Subject:
     """A policy to record or export, and what is known beside it."""
 
     policy: Policy
-    env: str
+    env: EnvLike
     value: Value | None = None
     clip_actions: bool = True
     max_episode_steps: int | None = None
@@ -67,12 +66,7 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
     check_value("episodes", episodes, Annotated[int, EPISODES])
     check_value("seed", seed, Seed)
     rules = {"clip_actions": subject.clip_actions, "max_episode_steps": subject.max_episode_steps}
-    env, spec = make_env(subject.env, **rules), derive_spec(subject.env)
-    simulation = open_simulation(env)
-    if simulation is None:
-        raise RecordingError(
-            f"{spec.env_id} is not a MuJoCo environment, whose state could be recorded", remedy="record another {env}"
-        )
+    spec = derive_spec(subject.env)
     names = Names.of(spec, **subject.policy.trace_names())
     more = {
         "versions": versions(),
@@ -82,11 +76,18 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         **rules,
         **(subject.about or {}),
     }
-    with closing(env), Recorder(Path(path), about(spec, **more), names, spec.time_step) as recorder:
-        tape = _Tape(recorder, subject, simulation, Streams(seed))
-        for step in rollout(subject.policy, [env], tape.seed_of, episodes=episodes, on_reset=tape.begin):
-            tape.add(step)
-        return tape.played
+    with opened(subject.env, **rules) as env:
+        simulation = open_simulation(env)
+        if simulation is None:
+            raise RecordingError(
+                f"{spec.env_id} is not a MuJoCo environment, whose state could be recorded", remedy="record another {env}"
+            )
+        subject.policy.check_fits(dims(env), spec.env_id)
+        with Recorder(Path(path), about(spec, **more), names, spec.time_step or 1.0) as recorder:
+            tape = _Tape(recorder, subject, simulation, Streams(seed))
+            for step in rollout(subject.policy, [env], tape.seed_of, episodes=episodes, on_reset=tape.begin):
+                tape.add(step)
+            return tape.played
 
 
 def record_evaluation(subject: Subject, run: Path, steps: int) -> None:

@@ -1,0 +1,152 @@
+"""The contract that every environment is put under, and that it is held to in every step."""
+
+from __future__ import annotations
+
+import functools
+import logging
+import math
+import traceback
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from numpy.typing import NDArray
+
+from transferkit.envs.written import name_of
+from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError
+
+NO_LIMIT = 10_000
+"""Steps after which an episode of an environment without a time limit is truncated."""
+
+
+class Contract(gymnasium.Wrapper):
+    """Float32 observations, and actions in [-1, 1] that are clipped and then scaled to the wrapped environment's bounds.
+
+    What the environment returns is checked in every step, and an episode that never ends is truncated. Gymnasium's
+    `RescaleAction` does not clip and its `ClipAction` declares an infinite space, so neither states [-1, 1].
+    """
+
+    def __init__(self, env: gymnasium.Env, *, clip: bool = True, max_episode_steps: int | None = None) -> None:
+        super().__init__(env)
+        actions, observations = env.action_space, env.observation_space
+        assert isinstance(actions, Box)
+        assert isinstance(observations, Box)
+        self.action_space = Box(-1.0, 1.0, actions.shape, np.float32)
+        self.observation_space = Box(-np.inf, np.inf, observations.shape, np.float32)
+        low, high = actions.low.astype(np.float64), actions.high.astype(np.float64)
+        self._centre, self._half_range = (low + high) / 2, (high - low) / 2
+        self.clip, self._limit = clip, 1.0 if clip else np.inf
+        self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
+        self._given_up = max_episode_steps is None
+        self._steps = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode.
+
+        Raises:
+            EnvironmentContractError: the environment raises, or returns something else than an observation and an info.
+            NotFiniteError: the observation has NaN or an infinite number.
+        """
+        self._steps = 0
+        try:
+            observation, info = self.env.reset(seed=seed, options=options)
+            observation = np.array(observation, np.float32)
+        except (Exception, SystemExit) as error:
+            raise self._broken(error, "reset") from error
+        self._check(observation, 0.0, info)
+        return observation, info
+
+    def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Advance one control step.
+
+        Raises:
+            EnvironmentContractError: the environment raises, or returns other types or shapes than it declares.
+            NotFiniteError: the action, the observation or the reward has NaN or an infinite number.
+        """
+        clipped = np.minimum(np.maximum(action, -self._limit), self._limit)  # a fifth of np.clip's time
+        scaled = self._centre + self._half_range * clipped
+        if not math.isfinite(scaled.sum()):
+            raise self._not_finite("the policy chose an action")
+        self._steps += 1
+        try:
+            observation, reward, terminated, truncated, info = self.env.step(scaled)
+            observation, reward = np.array(observation, np.float32), float(reward)
+            terminated, truncated = bool(terminated), bool(truncated)
+        except (Exception, SystemExit) as error:
+            raise self._broken(error, f"step {self._steps}") from error
+        self._check(observation, reward, info)
+        if self._steps >= self._most and not terminated and not truncated:
+            truncated = True
+            if self._given_up:
+                _say_given_up(name_of(self.env))
+        return observation, reward, terminated, truncated, info
+
+    def close(self) -> None:
+        """Close the environment."""
+        try:
+            self.env.close()
+        except (Exception, SystemExit) as error:
+            raise self._broken(error, "close") from error
+
+    def _check(self, observation: NDArray[np.float32], reward: float, info: object) -> None:
+        if observation.shape != self.observation_space.shape or not isinstance(info, dict):
+            returned = f"an observation of shape {observation.shape} and info of type {type(info).__name__}"
+            raise EnvironmentContractError(
+                f"environment {name_of(self.env)} returned {returned}, not {self.observation_space.shape} and dict",
+                topic="environments",
+            )
+        # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
+        if not math.isfinite(observation.sum(dtype=np.float64) + reward):
+            raise self._not_finite(f"environment {name_of(self.env)} returned an observation or a reward")
+
+    def _not_finite(self, what: str) -> NotFiniteError:
+        return NotFiniteError(
+            f"{what} with NaN or infinity in step {self._steps} of an episode",
+            remedy="check the environment, or lower the learning rate",
+        )
+
+    def _broken(self, error: BaseException, where: str) -> TransferkitError:
+        return error if isinstance(error, TransferkitError) else failed(name_of(self.env), where, error)
+
+
+def failed(env: str, where: str, error: BaseException) -> EnvironmentContractError:
+    """The one line about an exception in somebody else's code."""
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    try:
+        words = str(error)
+    except Exception:  # of an error of the environment's own
+        words = "no reason that can be written"
+    reason = " ".join(f"{type(error).__name__}: {words}".split())[:300]
+    place = f"{Path(frame.filename).name}, line {frame.lineno}"
+    return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="environments")
+
+
+@functools.cache
+def _say_given_up(env: str) -> None:
+    logging.getLogger("transferkit").warning(
+        "%s has no time limit: an episode is truncated after %d steps; env_config.max_episode_steps sets another", env, NO_LIMIT
+    )
+
+
+def dims(env: gymnasium.Env) -> tuple[int, int]:
+    """Lengths of the observation and of the action of an environment under the contract."""
+    observations, actions = env.observation_space.shape, env.action_space.shape
+    assert observations is not None
+    assert actions is not None
+    return observations[0], actions[0]
+
+
+def episode_limit(env: gymnasium.Env) -> int | None:
+    """Control steps until the environment truncates; None if it never does."""
+    if env.spec is not None and env.spec.max_episode_steps is not None:
+        return env.spec.max_episode_steps
+    return getattr(env.unwrapped, "episode_limit", None)
+
+
+def time_step(env: gymnasium.Env) -> float:
+    """Seconds of simulated time per step; 0.0 if the environment does not say."""
+    return float(getattr(env.unwrapped, "dt", 0.0))

@@ -1,0 +1,79 @@
+"""What an environment is called in messages and in records: its id with its keyword arguments, if that makes it again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import wrappers
+from gymnasium.envs.registration import EnvSpec
+
+from transferkit.env_id import EnvId
+
+EnvLike = str | gymnasium.Env | Callable[[], gymnasium.Env]
+"""An environment in any of its forms: in writing, made, or a function that makes one; of dm_control's kind too."""
+
+SUITE = "envs_dmc.suite:SuiteTask"
+"""Entry point of dm_control's tasks."""
+
+BY_MAKE = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, wrappers.TimeLimit)
+"""Wrappers that `gymnasium.make` adds by itself."""
+
+
+def name_of(env: EnvLike) -> str:
+    """The id of an environment as it was typed, or the name of its class if it has none."""
+    if isinstance(env, str):
+        return env
+    if not isinstance(env, gymnasium.Env):
+        return getattr(env, "__name__", type(env).__name__)
+    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+
+
+def is_written(env: str) -> bool:
+    """Whether a name in a record makes the environment again."""
+    return not env.startswith("<")
+
+
+def written(env: gymnasium.Env) -> str:
+    """What a record says of an environment: an id with keyword arguments that makes it again, or `<its name>`."""
+    spec, own = env.spec, type(env).__name__
+    name = f"<{type(env.unwrapped).__name__}>" if env is env.unwrapped or isinstance(env, BY_MAKE) else f"<{own} of {name_of(env)}>"
+    if spec is None or not _bare(env):
+        return name
+    kwargs = _arguments(spec)
+    if kwargs is None:
+        return name
+    try:
+        return str(EnvId(spec.id, json.loads(json.dumps(kwargs, default=_plain, allow_nan=False))))
+    except (TypeError, ValueError):
+        return name
+
+
+def _arguments(spec: EnvSpec) -> dict[str, Any] | None:
+    """The keyword arguments that are given beside an id to make the environment again; None if the id is another's."""
+    given = {key: value for key, value in spec.kwargs.items() if key != "render_mode"}
+    if spec.entry_point == SUITE:
+        return {key: value for key, value in given.items() if key not in ("domain", "task")}
+    registered = gymnasium.registry.get(spec.id)
+    if registered is None or registered.entry_point != spec.entry_point:
+        return None
+    given = {key: value for key, value in given.items() if registered.kwargs.get(key) != value}
+    limit = {"max_episode_steps": spec.max_episode_steps or -1}
+    return given | (limit if spec.max_episode_steps != registered.max_episode_steps else {})
+
+
+def _bare(env: gymnasium.Env) -> bool:
+    while isinstance(env, gymnasium.Wrapper):
+        if not isinstance(env, BY_MAKE):
+            return False
+        env = env.env
+    return True
+
+
+def _plain(value: Any) -> object:  # noqa: ANN401 - what json cannot write
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    raise TypeError
