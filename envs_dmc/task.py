@@ -45,7 +45,7 @@ class DmControlEnv(gymnasium.Env):
         self._elapsed = 0
         shapes = {name: spec.shape for name, spec in native.observation_spec().items()}
         for name, shape in shapes.items():
-            if len(shape) > 2:  # noqa: PLR2004 - a history of vectors is flat enough
+            if len(shape) > 2:
                 raise ValueError(f"observation {name} of shape {shape} is not flat")
         size = sum(math.prod(shape) for shape in shapes.values())
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)

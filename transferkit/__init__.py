@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from transferkit.config import WrapConfig as WrapConfig
     from transferkit.envs import derive_spec as derive_spec
     from transferkit.envs import make_env as make_env
+    from transferkit.envs import vary as vary
     from transferkit.errors import ArtifactError as ArtifactError
     from transferkit.errors import ConfigError as ConfigError
     from transferkit.errors import DimensionError as DimensionError
@@ -69,7 +70,7 @@ _HOMES = {
         "TrainConfig",
         "WrapConfig",
     ),
-    "envs": ("derive_spec", "make_env"),
+    "envs": ("derive_spec", "make_env", "vary"),
     "errors": (
         "ArtifactError",
         "ConfigError",

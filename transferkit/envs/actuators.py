@@ -30,7 +30,9 @@ def read_actuators(
 ) -> list[Actuator]:
     """Describe each element of the action, with the bounds `(act_dim,)` that the environment states."""
     rows = zip(low, high, responses.looks, strict=True)
-    return _unique([_actuator(k, float(a), float(b), responses.none, looks, model, joints) for k, (a, b, looks) in enumerate(rows)])
+    return _unique(
+        [_actuator(k, float(a), float(b), responses.none, looks, model, joints) for k, (a, b, looks) in enumerate(rows)]
+    )
 
 
 def unknown_actuators(low: NDArray, high: NDArray) -> list[Actuator]:
@@ -43,7 +45,13 @@ def _unknown(k: int, low: float, high: float) -> Actuator:
 
 
 def _actuator(
-    k: int, low: float, high: float, none: Look, looks: Sequence[tuple[float, Look]], model: mujoco.MjModel, joints: Sequence[Joint]
+    k: int,
+    low: float,
+    high: float,
+    none: Look,
+    looks: Sequence[tuple[float, Look]],
+    model: mujoco.MjModel,
+    joints: Sequence[Joint],
 ) -> Actuator:
     driven = np.flatnonzero(np.any([look.control != none.control for _, look in looks], axis=0))
     model_name = "+".join(_name(model, int(i)) for i in driven) or f"action{k}"

@@ -104,7 +104,9 @@ class Prober:
         controls, actions = self._action_dependence()
         silent = ~(positions.any(1) | velocities.any(1) | controls)
         motion = self._varies_in_motion() if silent.any() else np.zeros_like(silent)
-        return Evidence(positions, velocities, controls, motion, actions, self._age, self._noise, self._doubt, self._time, self._mixed)
+        return Evidence(
+            positions, velocities, controls, motion, actions, self._age, self._noise, self._doubt, self._time, self._mixed
+        )
 
     def samples(self) -> Samples:
         """Observe random states."""
@@ -117,11 +119,14 @@ class Prober:
         for state in states:
             data.qpos[:] = state.qpos
             mujoco.mj_fwdPosition(model, data)
-            heights.append(np.concatenate([x[:, 2] for x in (data.xpos, data.xipos, data.geom_xpos, data.site_xpos, data.subtree_com)]))
+            heights.append(
+                np.concatenate([x[:, 2] for x in (data.xpos, data.xipos, data.geom_xpos, data.site_xpos, data.subtree_com)])
+            )
         return Samples(observation, np.array(position), np.array([state.qvel for state in states]), np.array(heights))
 
     def responses(self) -> Responses:
         """See what each action does at the reference pose."""
+        self._delay = self._action_delay()
         none = self._look_at(self._idle)
         each = [[(share, self._look_at(self._only(k, share))) for share in _both_ways()] for k in range(self._act_dim)]
         return Responses(none, each)
@@ -152,7 +157,7 @@ class Prober:
         while len(seen) - 1 - last_news < QUIET * (3 if always.any() else 1) and len(seen) < LONGEST:
             seen.append(self._frozen.see(state))
             changed = _changed(seen[-2], seen[-1])
-            news, always = (changed & ~always) | (always & ~changed & (len(seen) > 2)), always & changed  # noqa: PLR2004
+            news, always = (changed & ~always) | (always & ~changed & (len(seen) > 2)), always & changed
             last_news = len(seen) - 1 if news.any() else last_news
         return np.array(seen)
 
@@ -246,9 +251,24 @@ class Prober:
         bounds = np.where(limited[:, None], model.actuator_ctrlrange, [-1.0, 1.0])
         return bounds[np.arange(model.nu), self._rng.integers(0, 2, model.nu)]
 
+    def _action_delay(self) -> int:
+        """Steps until an action reaches the simulation; 0 if none does."""
+        self._frozen.see_all([self._at_rest(self._idle)] * 2 * QUIET)
+        before, action = self._frozen.look(self._at_rest(self._idle)), self._random_action()
+        for step in range(2 * QUIET):
+            now = self._frozen.look(self._at_rest(action))
+            if (now.control != before.control).any() or (now.force != before.force).any():
+                return step
+        return 0
+
     def _look_at(self, action: NDArray[np.float32]) -> Look:
+        state = self._at_rest(action)
+        self._frozen.see_all([state] * self._delay)
+        return self._frozen.look(state)
+
+    def _at_rest(self, action: NDArray[np.float32]) -> State:
         model = self._simulation.model
-        return self._frozen.look(State(model.qpos0, np.zeros(model.nv), action))
+        return State(model.qpos0, np.zeros(model.nv), action)
 
 
 def _both_ways() -> Iterable[float]:

@@ -106,9 +106,7 @@ class Forms:
         suffix = "/s" if quantity == "velocity" and unit else ""
         return self._named(quantity, dofs, fit[:-1], float(fit[-1]), unit + suffix)
 
-    def _trigonometric(
-        self, y: NDArray, dofs: Dofs, coefficients: NDArray, angle: NDArray, tolerance: float
-    ) -> Element | None:
+    def _trigonometric(self, y: NDArray, dofs: Dofs, coefficients: NDArray, angle: NDArray, tolerance: float) -> Element | None:
         fit = _least_squares(np.column_stack([np.sin(angle), np.cos(angle), np.ones(SAMPLES)]), y, tolerance)
         if fit is None or abs(fit[2]) > 1e-3 or abs(np.hypot(fit[0], fit[1]) - 1) > 1e-3:
             return None

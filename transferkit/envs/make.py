@@ -13,6 +13,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,11 @@ from numpy.typing import NDArray
 
 from transferkit.env_id import EnvId
 from transferkit.envs.contract import Contract, dims, failed
+from transferkit.envs.vary import Varied
 from transferkit.envs.written import EnvLike, is_written, name_of, written
 from transferkit.errors import EnvironmentContractError, TransferkitError, UnknownNameError
 from transferkit.renderer import choose_renderer
+from transferkit.variation import Variation
 
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 
@@ -90,6 +93,33 @@ def make_env(
             )
     _check_room(raw.action_space, name)
     return Contract(raw, clip=clip_actions, max_episode_steps=max_episode_steps)
+
+
+def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbers, ranges, tables, lists
+    """Make the same robot changed: in its model, by editing what it is compiled from, in what it observes, or in its actions.
+
+    Factors multiply what the model has: one number, or a range `(low, high)` that is drawn anew in every episode, for all
+    parts or as a table by name.
+
+    Args:
+        env: in any form that `make_env` takes; of one that is made the model is changed in place.
+        **changes: `mass` and `length` (by body), `gear` (by actuator or its joint), `damping` (by joint), `friction` (sliding,
+            by geom), `gravity`: factors. `delay`: control steps by which actions come late. `noise`: standard deviation on
+            the observation, in its units, for all elements or by name. `drop_observation`: names or indices of elements that
+            it then lacks. `dead_actuator`: names or indices of actuators without force.
+
+    Raises:
+        UnknownNameError: nothing of this name can be varied, or the model has no such part.
+        ConfigError: a value that it cannot have, or a change that cannot be made on this model.
+    """
+    variation = Variation.read(changes).written()
+    if isinstance(env, str):
+        given = EnvId.read(env)
+        return _from_id(str(replace(given, variation={**given.variation, **variation})), None)
+    raw = _raw(env, None)
+    raw = raw.env if isinstance(raw, Contract) else raw
+    again = (lambda: _raw(env, None)) if is_maker(env) else None
+    return Varied(raw, variation, again)
 
 
 def copies_of(env: EnvLike) -> str | Callable[[], gymnasium.Env]:
@@ -235,13 +265,18 @@ def _check_room(space: gymnasium.Space, name: str) -> None:
 
 def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
     given = EnvId.read(text)
+    if given.variation:
+        plain = str(replace(given, variation={}))
+        return Varied(_from_id(plain, render_mode), dict(given.variation), lambda: _from_id(plain, None))
     kwargs = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
     _check_files(text, kwargs)
     if given.id.startswith(DM_CONTROL_PREFIX):
         return _from_suite(text, given.id, kwargs)
     module, colon, name = given.id.partition(":")
     if colon and (":" in name or not all(part.isidentifier() for part in module.split("."))):
-        raise EnvironmentContractError(f"environment {text}", allowed="an id, MODULE:ID or MODULE:FUNCTION", topic="environments")
+        raise EnvironmentContractError(
+            f"environment {text}", allowed="an id, MODULE:ID or MODULE:FUNCTION", topic="environments"
+        )
     try:
         make = _function_in(module, name) if colon else None
         if make is not None:

@@ -72,7 +72,9 @@ def undisturbed(env: gymnasium.Env) -> Iterator[None]:
 
 def learning_wrappers(env: gymnasium.Env) -> list[str]:
     """Names of the wrappers that change what numbers mean while they learn."""
-    return [type(one).__name__ for one in _chain(env) if isinstance(one, gymnasium.Wrapper) and getattr(one, LEARNS, False) is True]
+    return [
+        type(one).__name__ for one in _chain(env) if isinstance(one, gymnasium.Wrapper) and getattr(one, LEARNS, False) is True
+    ]
 
 
 def _attribute(holder: object, name: str, value: object) -> Restore:

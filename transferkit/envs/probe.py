@@ -19,16 +19,16 @@ import numpy as np
 
 from transferkit.env_id import EnvId
 from transferkit.envs.actuators import read_actuators, unknown_actuators
+from transferkit.envs.contract import Contract, dims, episode_limit, failed, time_step
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.frozen import ElusiveError, Frozen
 from transferkit.envs.joints import read_joints
 from transferkit.envs.labels import labels
-from transferkit.envs.contract import Contract, dims, episode_limit, failed, time_step
 from transferkit.envs.make import opened, recorded
-from transferkit.envs.written import EnvLike, name_of
 from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
+from transferkit.envs.written import EnvLike, name_of
 from transferkit.errors import TransferkitError
 from transferkit.spec import Element, IOSpec
 from transferkit.versions import versions

@@ -61,7 +61,9 @@ def _pair(holder: Any) -> Any:  # noqa: ANN401 - a model and data, or None
     physics = own.get("physics") or (holder.physics if hasattr(type(holder), "physics") else None)
     if _is_physics(physics):
         return physics.model.ptr, physics.data.ptr
-    found = [next((value for value in own.values() if isinstance(value, kind)), None) for kind in (mujoco.MjModel, mujoco.MjData)]
+    found = [
+        next((value for value in own.values() if isinstance(value, kind)), None) for kind in (mujoco.MjModel, mujoco.MjData)
+    ]
     return None if None in found else found
 
 
@@ -72,7 +74,11 @@ def _is_physics(value: object) -> bool:
 
 def _parts(holder: object) -> Iterator[Any]:
     """The objects that an object has as attributes."""
-    return (value for value in getattr(holder, "__dict__", {}).values() if hasattr(value, "__dict__") and not isinstance(value, type))
+    return (
+        value
+        for value in getattr(holder, "__dict__", {}).values()
+        if hasattr(value, "__dict__") and not isinstance(value, type)
+    )
 
 
 def model_bytes(env: gymnasium.Env) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -12,6 +13,7 @@ from gymnasium import wrappers
 from gymnasium.envs.registration import EnvSpec
 
 from transferkit.env_id import EnvId
+from transferkit.envs.vary import Varied
 
 EnvLike = str | gymnasium.Env | Callable[[], gymnasium.Env]
 """An environment in any of its forms: in writing, made, or a function that makes one; of dm_control's kind too."""
@@ -39,8 +41,16 @@ def is_written(env: str) -> bool:
 
 def written(env: gymnasium.Env) -> str:
     """What a record says of an environment: an id with keyword arguments that makes it again, or `<its name>`."""
+    if isinstance(env, Varied):
+        plain = written(env.env)
+        varied = EnvId.read(plain) if is_written(plain) else None
+        return f"<Varied of {name_of(env)}>" if varied is None else str(replace(varied, variation=env.variation.written()))
     spec, own = env.spec, type(env).__name__
-    name = f"<{type(env.unwrapped).__name__}>" if env is env.unwrapped or isinstance(env, BY_MAKE) else f"<{own} of {name_of(env)}>"
+    name = (
+        f"<{type(env.unwrapped).__name__}>"
+        if env is env.unwrapped or isinstance(env, BY_MAKE)
+        else f"<{own} of {name_of(env)}>"
+    )
     if spec is None or not _bare(env):
         return name
     kwargs = _arguments(spec)

@@ -270,9 +270,7 @@ def _row(element: Element, spec: IOSpec) -> NDArray:
     return row
 
 
-def _solve(
-    element: Element, source: IOSpec, joints: Joints, target: IOSpec, basis: _Basis, scale: float
-) -> NDArray | None:
+def _solve(element: Element, source: IOSpec, joints: Joints, target: IOSpec, basis: _Basis, scale: float) -> NDArray | None:
     """Solve for weights over what the target observes that give the element's (argument's) joint combination."""
     if not element.coefficients or any(name not in joints for name in element.joints):
         return None

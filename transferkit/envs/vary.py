@@ -1,0 +1,220 @@
+"""The same robot changed: `vary`, and the wrapper that it makes."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box
+from gymnasium.utils import RecordConstructorArgs
+from numpy.typing import NDArray
+
+from transferkit.envs.model_edits import edited
+from transferkit.envs.simulation import open_simulation
+from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
+from transferkit.physics import mujoco
+from transferkit.variation import Variation, draw
+
+LOADERS = ("from_xml_path", "from_xml_string")
+"""Methods of `MjModel` that read a model."""
+
+
+class Varied(gymnasium.Wrapper, RecordConstructorArgs):
+    """A robot whose model, observation or actions are changed; what is a range is drawn anew in every episode.
+
+    The draws of an episode follow from the seed of its reset alone.
+    """
+
+    def __init__(
+        self, env: gymnasium.Env, variation: dict[str, Any], again: Callable[[], gymnasium.Env] | None = None
+    ) -> None:
+        """Take the environment, what `Variation.read` takes, and what makes the environment again; by default its `spec`.
+
+        Raises:
+            UnknownNameError: the model or the observation has no such part.
+            ConfigError: the change cannot be made on this environment.
+        """
+        RecordConstructorArgs.__init__(self, variation=variation)
+        super().__init__(env)
+        self.variation = Variation.read(variation)
+        changes_model = bool(self.variation.factors or self.variation.dead_actuator)
+        self._model = _Model(env, again) if changes_model else None
+        self._names = _names(env) if self._by_name else []
+        size = _size(env)
+        self._kept = np.delete(np.arange(size), [self._index(place) for place in self.variation.drop_observation])
+        self.observation_space = Box(-np.inf, np.inf, (len(self._kept),), np.float64)
+        assert isinstance(env.action_space, Box)
+        self._idle = np.clip(np.zeros(env.action_space.shape), env.action_space.low, env.action_space.high)
+        self._begin(None)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float64], dict[str, Any]]:
+        """Draw what is a range, and start an episode."""
+        self._begin(seed)
+        observation, info = self.env.reset(seed=seed, options=options)
+        if self._model is not None and self._model.is_gone(self.env):
+            raise ConfigError(f"{self.env} makes its model anew in every episode, so it cannot be varied", topic="variations")
+        return self._observed(observation), info
+
+    def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float64], Any, bool, bool, dict[str, Any]]:
+        """Take the action that is due, and observe with noise."""
+        self._late.append(np.array(action))
+        observation, reward, terminated, truncated, info = self.env.step(self._late.popleft())
+        return self._observed(observation), reward, terminated, truncated, info
+
+    @property
+    def _by_name(self) -> bool:
+        return any(self.variation.noise) or any(isinstance(place, str) for place in self.variation.drop_observation)
+
+    def _begin(self, seed: int | None) -> None:
+        if seed is not None or not hasattr(self, "_rng"):
+            self._rng = np.random.default_rng([zlib.crc32(b"variation"), seed or 0])
+        if self._model is not None and (self.variation.drawn or not self._model.changed):
+            self._model.change(self.variation.draw(self._rng), self.variation.dead_actuator)
+        low, high = (int(end) for end in self.variation.delay)
+        self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
+        self._deviation = np.zeros(_size(self.env))
+        for name, amount in self.variation.noise.items():
+            self._deviation[self._index(name) if name else slice(None)] = draw(amount, self._rng)
+
+    def _observed(self, observation: NDArray[np.floating]) -> NDArray[np.float64]:
+        observation = np.asarray(observation, np.float64)
+        if self._deviation.any():
+            observation = observation + self._rng.normal(size=observation.shape) * self._deviation
+        return observation[self._kept]
+
+    def _index(self, place: str | int) -> int:
+        if isinstance(place, str):
+            if place not in self._names:
+                raise UnknownNameError("element of the observation", place, self._names, topic="variations")
+            return self._names.index(place)
+        if not 0 <= place < _size(self.env):
+            raise ConfigError("drop_observation", value=place, allowed=f"0 to {_size(self.env) - 1}", topic="variations")
+        return place
+
+
+class _Model:
+    """The model of an environment, whose numbers are replaced in place."""
+
+    def __init__(self, env: gymnasium.Env, again: Callable[[], gymnasium.Env] | None) -> None:
+        simulation = open_simulation(env)
+        if simulation is None:
+            raise ConfigError(f"{env} is not a MuJoCo environment, whose model could be varied", topic="variations")
+        self._simulation, self._live = simulation, simulation.model
+        self._spec = _source(env, again)
+        self._base = self._spec.copy().compile()
+        self.changed: dict[str, NDArray[np.bool_]] = {}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _Model:
+        """Share what is never changed."""
+        twin = object.__new__(_Model)
+        memo[id(self)] = twin
+        twin._spec, twin._base, twin.changed = self._spec, self._base, dict(self.changed)
+        twin._simulation = copy.deepcopy(self._simulation, memo)
+        twin._live = twin._simulation.model
+        return twin
+
+    def is_gone(self, env: gymnasium.Env) -> bool:
+        """Whether the environment has another model by now."""
+        del env
+        return self._simulation.model is not self._live
+
+    def change(self, factors: dict[str, dict[str, float]], dead: Any) -> None:  # noqa: ANN401
+        """Give the environment's model the numbers of a changed one."""
+        model = edited(self._spec, factors, dead)
+        for name, changed in self.changed.items():
+            getattr(self._live, name)[changed] = getattr(self._base, name)[changed]
+        self.changed = _differences(self._base, model)
+        for name, different in self.changed.items():
+            live, base, new = (getattr(one, name) for one in (self._live, self._base, model))
+            if not np.array_equal(live[different], base[different]):
+                raise ConfigError(f"{name} of the model is changed after it is loaded, so it cannot be varied", topic="variations")
+            live[different] = new[different]
+        self._live.opt.gravity[:] = model.opt.gravity
+        self._live.stat.meaninertia = model.stat.meaninertia
+
+
+def _differences(base: mujoco.MjModel, new: mujoco.MjModel) -> dict[str, NDArray[np.bool_]]:
+    """Where the arrays of two models differ, by name."""
+    found = {}
+    for name in _array_names():
+        before, after = getattr(base, name), getattr(new, name)
+        if before.shape != after.shape:
+            raise ConfigError(f"{name} of the varied model has another shape", topic="variations")
+        if not np.array_equal(before, after, equal_nan=before.dtype.kind == "f"):
+            found[name] = before != after
+    return found
+
+
+@functools.cache
+def _array_names() -> list[str]:
+    """The arrays of a model, but for pictures."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    names = [name for name in dir(model) if not name.startswith(("_", "tex_"))]
+    return [name for name in names if isinstance(getattr(model, name), np.ndarray)]
+
+
+def _source(env: gymnasium.Env, again: Callable[[], gymnasium.Env] | None) -> mujoco.MjSpec:
+    """What the model of an environment is compiled from: the environment is made again, and what it reads is read."""
+    if again is None and env.spec is None:
+        raise ConfigError(f"{env} has no id to make it again", remedy="give `vary` a function that makes it", topic="variations")
+    with _loading() as sources:
+        try:
+            (again or (lambda: gymnasium.make(env.spec))).__call__().close()  # pyright: ignore[reportArgumentType]
+        except TransferkitError:
+            raise
+        except Exception as error:  # of somebody else's environment
+            raise ConfigError(f"{env} cannot be made again: {type(error).__name__}: {error}", topic="variations") from error
+    if not sources:
+        raise ConfigError(f"the model of {env} is not read from XML, so it cannot be varied", topic="variations")
+    return sources[-1]()
+
+
+@contextmanager
+def _loading() -> Iterator[list[Callable[[], mujoco.MjSpec]]]:
+    """Note from what models are loaded meanwhile."""
+    kept = {name: getattr(mujoco.MjModel, name) for name in LOADERS}
+    sources: list[Callable[[], mujoco.MjSpec]] = []
+
+    def noting(name: str) -> Callable[..., mujoco.MjModel]:
+        def load(*arguments: Any, **named: Any) -> mujoco.MjModel:  # noqa: ANN401 - passed on
+            sources.append(lambda: _read(name, *arguments, **named))
+            return kept[name](*arguments, **named)
+
+        return load
+
+    for name in LOADERS:
+        setattr(mujoco.MjModel, name, noting(name))
+    try:
+        yield sources
+    finally:
+        for name, loader in kept.items():
+            setattr(mujoco.MjModel, name, loader)
+
+
+def _read(loader: str, source: str | bytes = "", assets: dict[str, bytes] | None = None, **named: Any) -> mujoco.MjSpec:  # noqa: ANN401
+    source = named.get("filename", named.get("xml", source))
+    text = source.decode() if isinstance(source, bytes) else source
+    files = dict(assets or {})
+    if loader == "from_xml_path":
+        return mujoco.MjSpec.from_file(text, assets=files)
+    return mujoco.MjSpec.from_string(text, include={k: v for k, v in files.items() if k.endswith(".xml")}, assets=files)
+
+
+def _names(env: gymnasium.Env) -> list[str]:
+    from transferkit.envs.probe import derive_spec  # noqa: PLC0415 - which makes environments
+
+    return [element.name for element in derive_spec(env).observation]
+
+
+def _size(env: gymnasium.Env) -> int:
+    assert env.observation_space.shape is not None
+    return env.observation_space.shape[0]

@@ -1,0 +1,137 @@
+"""What is changed about a robot, as plain data: one value, or a range that is drawn anew in every episode."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from transferkit.errors import ConfigError, UnknownNameError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+FACTORS = {
+    "mass": "body",
+    "length": "body",
+    "gear": "actuator",
+    "damping": "joint",
+    "friction": "geom",
+    "gravity": "",
+}
+"""Properties of the model that are multiplied, each with the kind of the parts that have it."""
+
+LEAST = {"mass": 1e-3, "length": 1e-2, "gear": -1e6, "damping": 0.0, "friction": 0.0, "gravity": -1e3}
+LARGEST = 1e6
+MOST_DELAY = 1000
+"""Control steps."""
+
+NAMES = (*FACTORS, "delay", "noise", "drop_observation", "dead_actuator")
+
+Amount = tuple[float, float]
+"""The ends of a range; of one value both are it."""
+
+Place = str | int
+"""An element by its name or its index."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Changes of an environment; an empty one changes nothing."""
+
+    factors: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
+    """By property and part; the part `` stands for all of them."""
+    delay: Amount = (0, 0)
+    """Control steps by which actions come late."""
+    noise: Mapping[str, Amount] = field(default_factory=dict)
+    """Standard deviation of Gaussian noise by element of the observation, in its unit; `` stands for all of them."""
+    drop_observation: Sequence[Place] = ()
+    """Elements that the observation lacks."""
+    dead_actuator: Sequence[Place] = ()
+    """Actuators without force."""
+
+    @classmethod
+    def read(cls, given: Mapping[str, Any]) -> Variation:
+        """Take names and JSON values, such as `{"mass": 1.3, "length.thigh": [0.7, 1.3]}`, or tables of them.
+
+        Raises:
+            UnknownNameError: nothing of this name can be varied.
+            ConfigError: a value that it cannot have.
+        """
+        tables: dict[str, dict[str, Any]] = {}
+        for name, value in given.items():
+            what, _, part = name.partition(".")
+            if what not in NAMES:
+                raise UnknownNameError("variation", what, NAMES, topic="variations")
+            values = value if isinstance(value, Mapping) else {part: value}
+            tables.setdefault(what, {}).update(values)
+        single = {name: tables.pop(name)[""] for name in ("delay", "drop_observation", "dead_actuator") if "" in tables.get(name, {})}
+        for name in ("delay", "drop_observation", "dead_actuator", "gravity"):
+            if set(tables.get(name, ())) - ({""} if name == "gravity" else set()):
+                raise ConfigError(f"{name} is one for the whole environment", remedy=f"give {name}=VALUE", topic="variations")
+        return cls(
+            {
+                name: {part: _amount(name, value, LEAST[name], LARGEST) for part, value in table.items()}
+                for name, table in tables.items()
+                if name in FACTORS
+            },
+            _delay(single.get("delay", 0)),
+            {part: _amount("noise", value, 0.0, LARGEST) for part, value in tables.get("noise", {}).items()},
+            _places("drop_observation", single.get("drop_observation", ())),
+            _places("dead_actuator", single.get("dead_actuator", ())),
+        )
+
+    @property
+    def drawn(self) -> bool:
+        """Whether the model differs from one episode to the next."""
+        return any(low < high for table in self.factors.values() for low, high in table.values())
+
+    def written(self) -> dict[str, Any]:
+        """Names and JSON values that `read` takes."""
+        tables = {**self.factors, "noise": self.noise}
+        flat = {f"{name}.{part}" if part else name: _plain(amount) for name, table in tables.items() for part, amount in table.items()}
+        lists = {"drop_observation": list(self.drop_observation), "dead_actuator": list(self.dead_actuator)}
+        delay = {"delay": [int(end) for end in self.delay] if self.delay[0] < self.delay[1] else int(self.delay[0])}
+        return flat | {name: value for name, value in (delay | lists).items() if value}
+
+    def draw(self, rng: np.random.Generator) -> dict[str, dict[str, float]]:
+        """Factors of an episode, by property and part."""
+        return {name: {part: draw(amount, rng) for part, amount in table.items()} for name, table in self.factors.items()}
+
+
+def draw(amount: Amount, rng: np.random.Generator) -> float:
+    """A value of a range."""
+    low, high = amount
+    return float(rng.uniform(low, high)) if low < high else low
+
+
+def _plain(amount: Amount) -> float | list[float]:
+    return amount[0] if amount[0] == amount[1] else list(amount)
+
+
+def _amount(name: str, value: object, least: float, most: float) -> Amount:
+    ends = list(value) if isinstance(value, list | tuple) else [value, value]
+    fits = len(ends) == 2 and all(_is_number(end) and least <= end <= most for end in ends) and ends[0] <= ends[1]  # noqa: PLR2004
+    if not fits:
+        raise ConfigError(f"variation {name}", value=value, allowed=f"a number or a range, {least:g} to {most:g}", topic="variations")
+    return float(ends[0]), float(ends[1])
+
+
+def _delay(value: object) -> Amount:
+    amount = _amount("delay", value, 0, MOST_DELAY)
+    if any(end != int(end) for end in amount):
+        raise ConfigError("variation delay", value=value, allowed="whole control steps", topic="variations")
+    return amount
+
+
+def _places(name: str, value: object) -> tuple[Place, ...]:
+    places = value.split(",") if isinstance(value, str) else list(value) if isinstance(value, list | tuple) else [value]
+    places = [int(place) if isinstance(place, str) and place.isdecimal() else place for place in places]
+    if not all(isinstance(place, str | int) and not isinstance(place, bool) for place in places):
+        raise ConfigError(f"variation {name}", value=value, allowed="names or indices", topic="variations")
+    return tuple(places)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
