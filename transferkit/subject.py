@@ -65,6 +65,18 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
     return Subject(wrap(core, env, member=member), env, about=about)
 
 
+def home_of(name: str) -> str:
+    """The environment in writing that a run was trained in, or a core's source.
+
+    Raises:
+        EnvironmentContractError: it is not in writing, or needs a module.
+        UnknownNameError: neither a run nor a core has this name.
+    """
+    if (Path(name) / RECORD).exists():
+        return id_from_file(TrainConfig.from_json(read_record(Path(name))).env, name)
+    return id_from_file(find_card(name).source.env_id, name)
+
+
 def evaluate_run(
     run_dir: str | Path,
     *,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
+from transferkit.cli.environment import add_environment, environment
 from transferkit.table import format_table
 
 if TYPE_CHECKING:
@@ -18,14 +19,14 @@ def main(arguments: Sequence[str]) -> Answer:
     actions = flags.add_subparsers(dest="action", required=True)
     actions.add_parser("list", help="every id")
     show = actions.add_parser("show", help="dimensions, element names, units, bounds, time step, limit")
-    show.add_argument("env", metavar="ENV")
+    add_environment(show, "the environment", name="env")
     options = flags.parse_args(arguments)
     from transferkit.envs import derive_spec, environment_ids  # noqa: PLC0415 - seconds to import
 
     if options.action == "list":
         ids = environment_ids()
         return Answer(ids, "\n".join(ids))
-    spec = derive_spec(options.env)
+    spec = derive_spec(environment(options) or options.env)
     return Answer(spec.to_json(), describe(spec))
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE
 
 
@@ -17,7 +18,7 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument(
         "--seed", type=whole("seed", NOT_NEGATIVE), default=0, help="of the episodes' starts; 0 is the one training reports"
     )
-    flags.add_argument("--env", help="environment to play in; by default the run's, whose id may import no module")
+    add_environment(flags, "environment to play in; by default the run's, whose id may import no module")
     flags.add_argument(
         "--max-episode-steps",
         type=whole("max_episode_steps", AT_LEAST_ONE),
@@ -25,11 +26,11 @@ def main(arguments: Sequence[str]) -> Answer:
     )
     options = flags.parse_args(arguments)
     from transferkit.cli.progress import evaluation_progress  # noqa: PLC0415 - torch takes seconds to import
-    from transferkit.subject import evaluate_run  # noqa: PLC0415
+    from transferkit.subject import evaluate_run, home_of  # noqa: PLC0415
 
     scores = evaluate_run(
         options.run,
-        env=options.env,
+        env=environment(options, lambda: home_of(str(options.run))),
         episodes=options.episodes,
         seed=options.seed,
         max_episode_steps=options.max_episode_steps,

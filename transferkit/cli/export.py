@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import NOT_NEGATIVE
 from transferkit.errors import ConfigError
 from transferkit.files import check_new
@@ -15,7 +17,7 @@ def main(arguments: Sequence[str]) -> Answer:
     """Export a policy as ONNX, or recordings as a Minari dataset."""
     flags = parser("export", "Write a run's policy or a core as one ONNX file, or recordings as a local Minari dataset.")
     flags.add_argument("names", nargs="+", metavar="RUN|CORE|FILE.mcap", help="one policy, or recordings with --minari")
-    flags.add_argument("--env", help="wrap a core onto this environment, untrained")
+    add_environment(flags, "environment of the policy; a core takes any, and is wrapped onto it untrained")
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
@@ -28,7 +30,7 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.names[0].endswith(".mcap"):
         raise ConfigError(f"{options.names[0]} is a recording and not a policy", remedy="write it as a dataset with {minari}")
     check_new(options.out, "out", ".onnx")
-    return _onnx(options.names[0], options.out, options.env, options.member)
+    return _onnx(options)
 
 
 def _minari(names: Sequence[str], dataset: str) -> Answer:
@@ -38,10 +40,12 @@ def _minari(names: Sequence[str], dataset: str) -> Answer:
     return Answer({"dataset": dataset, "steps": steps}, f"{dataset}: {steps} steps")
 
 
-def _onnx(name: str, out: Path, env: str | None, member: int | None) -> Answer:
+def _onnx(options: argparse.Namespace) -> Answer:
     from transferkit.export import PARITY_ROWS, export_onnx  # noqa: PLC0415 - torch takes seconds to import
-    from transferkit.subject import load_subject  # noqa: PLC0415
+    from transferkit.subject import home_of, load_subject  # noqa: PLC0415
 
-    difference = export_onnx(load_subject(name, env=env, member=member, values=False), out)
+    name, out = options.names[0], options.out
+    env = environment(options, lambda: home_of(name))
+    difference = export_onnx(load_subject(name, env=env, member=options.member, values=False), out)
     text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations"
     return Answer({"file": str(out), "difference": difference, "observations": PARITY_ROWS}, text)

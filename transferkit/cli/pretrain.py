@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 import tyro
 
 from transferkit.cli.answer import Answer
+from transferkit.cli.environment import with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.cli.zoo import summary
 from transferkit.config import TrainConfig, check_read
@@ -21,6 +23,8 @@ def main(arguments: Sequence[str]) -> Answer:
     def command(
         recipe: Annotated[Recipe, tyro.conf.arg(name="")],
         config: Annotated[TrainConfig, tyro.conf.arg(name="")] = default,
+        env_kwargs: tuple[str, ...] = (),
+        vary: tuple[str, ...] = (),
     ) -> tuple[Recipe, TrainConfig]:
         """Train the members of a core, check each against the threshold, and write the artifact.
 
@@ -29,10 +33,12 @@ def main(arguments: Sequence[str]) -> Answer:
         Args:
             recipe: the core.
             config: the training of each member.
+            env_kwargs: NAME=VALUE keyword arguments of the environment.
+            vary: NAME=VALUE changes of the robot, such as mass=0.7..1.3; a range is drawn every episode.
         """
-        return recipe, config
+        return recipe, replace(config, env=with_arguments(config.env, env_kwargs, vary) if env_kwargs or vary else config.env)
 
-    recipe, config = parse(command, "transferkit pretrain", arguments, list(Recipe.__dataclass_fields__))
+    recipe, config = parse(command, "transferkit pretrain", arguments, [*Recipe.__dataclass_fields__, "env-kwargs", "vary"])
     check_read(config, settings_in(arguments))
     line = summary(pretrain(recipe, config))
     text = f"{recipe.zoo / recipe.id}: score {line['score_mean']:.1f}, {line['members']} members"

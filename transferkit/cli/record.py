@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import EPISODES, NOT_NEGATIVE
 from transferkit.files import check_new
 from transferkit.table import format_table
@@ -15,7 +16,7 @@ def main(arguments: Sequence[str]) -> Answer:
     """Record episodes of a run's policy or of a core."""
     flags = parser("record", "Play a run's final policy or a core, and write what happens as an MCAP file.")
     flags.add_argument("name", metavar="RUN|CORE", help="directory of a finished run, or a core's id or folder")
-    flags.add_argument("--env", help="environment to play in; a core takes any, and is wrapped onto it untrained")
+    add_environment(flags, "environment to play in; a core takes any, and is wrapped onto it untrained")
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     flags.add_argument("--episodes", type=whole("episodes", EPISODES), default=1)
     flags.add_argument(
@@ -25,9 +26,10 @@ def main(arguments: Sequence[str]) -> Answer:
     options = flags.parse_args(arguments)
     check_new(options.out, "out", ".mcap")
     from transferkit.record.play import record_episodes  # noqa: PLC0415 - torch takes seconds to import
-    from transferkit.subject import load_subject  # noqa: PLC0415
+    from transferkit.subject import home_of, load_subject  # noqa: PLC0415
 
-    subject = load_subject(options.name, env=options.env, member=options.member)
+    env = environment(options, lambda: home_of(options.name))
+    subject = load_subject(options.name, env=env, member=options.member)
     played = record_episodes(subject, options.out, episodes=options.episodes, seed=options.seed)
     size = options.out.stat().st_size
     rows = [{"seed": episode.seed, "steps": episode.steps, "return": episode.total} for episode in played]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
+from transferkit.cli.environment import add_environment, environment
 from transferkit.files import check_new
 from transferkit.renderer import choose_renderer
 
@@ -21,11 +22,12 @@ def main(arguments: Sequence[str]) -> Answer:
     """Simulate a recording again; the exit status is 1 if `--check` finds a difference."""
     flags = parser("replay", "Simulate a recording again from its states and actions.")
     flags.add_argument("file", type=Path, metavar="FILE.mcap")
-    flags.add_argument("--env", metavar="MODULE:ID", help="the recording's environment, if its module may be run")
+    add_environment(flags, "the recording's environment, if no id makes it again or its module may be run")
     flags.add_argument("--check", action="store_true", help="exit with 1 unless every number is the same to the bit")
     flags.add_argument("--video", type=Path, metavar="FILE.mp4", help="draw it, by MuJoCo's offscreen renderer")
     options = flags.parse_args(arguments)
-    replayed = _with_video(options.file, options.video, options.env) if options.video else _replay(options.file, options.env)
+    env = environment(options)
+    replayed = _with_video(options.file, options.video, env) if options.video else _replay(options.file, env)
     flaw = f"; {options.file} {replayed.flaw}, this is its whole part" if replayed.flaw else ""
     text = f"{replayed.episodes} episodes, {replayed.steps} steps: {_verdict(replayed)}{flaw}"
     return Answer(asdict(replayed), text, DIFFERENT if options.check and replayed.difference else 0)

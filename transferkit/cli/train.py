@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,7 @@ import tyro
 
 from transferkit.budget import Budget
 from transferkit.cli.answer import Answer
+from transferkit.cli.environment import with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.config import TrainConfig, check_read
 from transferkit.errors import SettingError
@@ -35,6 +36,8 @@ def main(arguments: Sequence[str]) -> Answer:
         out: Path | None = None,
         resume: bool = False,
         record: str | None = None,
+        env_kwargs: tuple[str, ...] = (),
+        vary: tuple[str, ...] = (),
     ) -> _Request:
         """Train a policy around a core, or from scratch without one, and evaluate it.
 
@@ -43,10 +46,13 @@ def main(arguments: Sequence[str]) -> Answer:
             out: run directory; by default `runs/` with a name made of the configuration.
             resume: go on where the run directory stopped, to the bit.
             record: `every=N` records an episode of every Nth evaluation as MCAP in the run directory.
+            env_kwargs: NAME=VALUE keyword arguments of the environment; `--env 'ENV?NAME=VALUE'` is the same.
+            vary: NAME=VALUE changes of the robot, such as mass=1.3 friction=0.5..1.5; a range is drawn every episode.
         """
-        return _Request(config, out, resume, _every(record))
+        env = with_arguments(config.env, env_kwargs, vary) if env_kwargs or vary else config.env
+        return _Request(replace(config, env=env), out, resume, _every(record))
 
-    request = parse(command, "transferkit train", arguments, ("out", "resume", "record"))
+    request = parse(command, "transferkit train", arguments, ("out", "resume", "record", "env-kwargs", "vary"))
     check_read(request.config, settings_in(arguments))
     return _train(request)
 

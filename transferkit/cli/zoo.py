@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from transferkit.cli.answer import Answer, parser
+from transferkit.cli.environment import add_environment, environment
 from transferkit.cli.wording import worded
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
@@ -27,7 +28,7 @@ def main(arguments: Sequence[str]) -> Answer:
     verify = actions.add_parser("verify", help="check hashes, schema and probe outputs")
     verify.add_argument("ids", nargs="*", metavar="ID")
     verify.add_argument("--all", action="store_true", help="every core of the zoo")
-    verify.add_argument("--env", metavar="MODULE:ID", help="with --rollout: the module's source environment that you trust")
+    add_environment(verify, "with --rollout: the source environment, if no id makes it again or its module may be run")
     verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source, against the card")
     options = flags.parse_args(arguments)
     return {"list": _list, "show": _show, "verify": _verify}[options.action](options)
@@ -86,7 +87,7 @@ def _verify(options: argparse.Namespace) -> Answer:
     names = list(core_folders()) if options.all else options.ids
     if not names:
         raise ConfigError("no core to verify", remedy="name one, or use {all=True}", topic="cores")
-    reports = [verify(name, rollout=options.rollout, env=options.env) for name in names]
+    reports = [verify(name, rollout=options.rollout, env=environment(options)) for name in names]
     lines = []
     for report in reports:
         rolled = f", rolled out {report['rollout_mean']:.1f}" if options.rollout else ""

@@ -1,0 +1,42 @@
+"""The flags of an environment: its id, keyword arguments, and what is varied."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+from transferkit.env_id import EnvId
+from transferkit.errors import ConfigError
+
+KWARGS = "keyword arguments of the environment; `--env 'ENV?NAME=VALUE'` is the same"
+VARY = "changes of the robot, such as mass=1.3 length.thigh=0.8 friction=0.5..1.5 delay=2; a range is drawn every episode"
+
+
+def add_environment(flags: argparse.ArgumentParser, help_text: str, *, name: str = "--env") -> None:
+    """Add the flags, or the argument `name` with the other flags."""
+    flags.add_argument(name, metavar="ENV", help=f"{help_text}: an id, MODULE:ID or MODULE:FUNCTION")
+    flags.add_argument("--env-kwargs", nargs="+", default=[], metavar="NAME=VALUE", help=KWARGS)
+    flags.add_argument("--vary", nargs="+", default=[], metavar="NAME=VALUE", help=VARY)
+
+
+def environment(options: argparse.Namespace, home: Callable[[], str] | None = None) -> str | None:
+    """What the flags say; arguments alone are of the environment that `home` knows.
+
+    Raises:
+        ConfigError: arguments without an environment, or one that is none.
+    """
+    if not (options.env_kwargs or options.vary):
+        return options.env
+    env = options.env if options.env is not None or home is None else home()
+    return with_arguments(env, options.env_kwargs, options.vary)
+
+
+def with_arguments(env: str | None, kwargs: list[str] | tuple[str, ...], vary: list[str] | tuple[str, ...]) -> str:
+    """An environment in writing with more arguments.
+
+    Raises:
+        ConfigError: there is no environment, or an argument is none.
+    """
+    if env is None:
+        raise ConfigError("{env_kwargs} and {vary} are of an environment", remedy="give {env} too", topic="environments")
+    return str(EnvId.read(env).with_arguments(kwargs, vary))
