@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from envs_dmc.opengl import no_opengl, open_renderer
@@ -75,6 +76,13 @@ class SuiteTask(gymnasium.Env):
         high = np.where(spec.maximum > UNLIMITED, 1.0, spec.maximum)
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
         self._low, self._high = low, high
+        self.spec = EnvSpec(
+            f"{_PREFIX}{domain}-{task}{_SUFFIX}",
+            "envs_dmc.suite:SuiteTask",
+            max_episode_steps=EPISODE_LIMIT,
+            disable_env_checker=True,
+            kwargs={"domain": domain, "task": task},
+        )
 
     @property
     def physics(self) -> Any:  # noqa: ANN401 - a class built by dm_control at run time
