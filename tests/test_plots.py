@@ -6,6 +6,7 @@ from dataclasses import asdict
 import matplotlib.pyplot as plt
 import pytest
 
+from tests.record.foreign import MAPPING, write_foreign
 from transferkit import load_subject, record_episodes
 from transferkit.config import TrainConfig
 from transferkit.errors import ConfigError, RecordingError, RunDirectoryError
@@ -72,6 +73,20 @@ def test_an_episode_of_a_recording_is_drawn(tmp_path):
     )
     with pytest.raises(RecordingError, match=r"x.mcap has no step of episode 3; use episode=0"):
         draw_recording(file, tmp_path / "y.svg", episode=3)
+
+
+def test_another_tools_recording_is_drawn_by_a_mapping(tmp_path):
+    file = write_foreign(tmp_path / "x.mcap")
+    (tmp_path / "m.toml").write_text(MAPPING)
+    draw_recording(file, tmp_path / "x.svg", mapping=tmp_path / "m.toml")
+    names = {"position.0", "velocity.1", "x", "reward", "seconds in the log", "x.mcap, episode 0: return 25.0"}
+    assert names <= said(tmp_path / "x.svg")
+    draw_recording(file, tmp_path / "y.svg", mapping=tmp_path / "m.toml", episode=1)
+    assert "x.mcap, episode 1: return 11.0" in said(tmp_path / "y.svg")
+    with pytest.raises(RecordingError, match="no step of episode 2"):
+        draw_recording(file, tmp_path / "z.svg", mapping=tmp_path / "m.toml", episode=2)
+    with pytest.raises(RecordingError, match="name its channels with mapping"):
+        draw_recording(file, tmp_path / "z.svg")
 
 
 def test_names_from_outside_are_shown_as_they_are(run, tmp_path):

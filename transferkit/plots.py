@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -12,6 +14,7 @@ import numpy as np
 from transferkit.config import TrainConfig
 from transferkit.errors import ConfigError, RecordingError, RunDirectoryError, printable
 from transferkit.files import new_file
+from transferkit.record.mapping import load_mapping, read_logged
 from transferkit.record.reader import read, spec_of
 from transferkit.run import EpisodeRow, EvaluationRow, ModelRow, read_record, read_table
 
@@ -20,6 +23,9 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from transferkit.record.mapping import ChannelMap
 
 WINDOW = 20
 """Episodes of the running mean."""
@@ -82,30 +88,77 @@ def draw_run(run: Path, path: Path) -> None:
     save_figure(figure, path)
 
 
-def draw_recording(recording: Path, path: Path, *, episode: int = 0) -> None:
+@dataclass(frozen=True)
+class Traces:
+    """An episode of a recording, to be drawn."""
+
+    title: str
+    time: NDArray[np.floating]
+    unit: str
+    panels: Mapping[str, Sequence[Mapping[str, float]]]
+    """Rows of values by the element's name."""
+    reward: Sequence[float]
+    value: Sequence[float] = ()
+
+
+def draw_recording(recording: Path, path: Path, *, episode: int = 0, mapping: Path | None = None) -> None:
     """Draw an episode of a recording: observation, what the core sees and makes of it, action, reward.
 
+    Args:
+        recording: of ours, or with a mapping of any tool.
+        path: the picture.
+        episode: its number; in other tools' files the ends that the mapping names are counted.
+        mapping: says where another tool's recording has what.
+
     Raises:
-        RecordingError: not a recording of ours, or no such episode in it.
+        RecordingError: not a recording of ours and no mapping, a mapping that does not fit, or no such episode.
     """
+    traces = _own(recording, episode) if mapping is None else _mapped(recording, load_mapping(mapping), episode)
+    rows = len(traces.panels) + 1
+    figure, axes = plt.subplots(rows, 1, figsize=(11, 2.4 * rows), sharex=True, layout="constrained")
+    for axis, (name, values) in zip(axes, traces.panels.items(), strict=False):
+        _draw_traces(axis, traces.time, name, values)
+    axes[-1].plot(traces.time, traces.reward, color=COLOURS[0], label="reward")
+    if traces.value:
+        axes[-1].plot(traces.time, traces.value, "--", color=COLOURS[1], label="value, in the critic's scale")
+    axes[-1].legend(loc="upper left", fontsize="x-small")
+    axes[-1].set_xlabel(traces.unit)
+    figure.suptitle(verbatim(traces.title))
+    save_figure(figure, path)
+
+
+def _own(recording: Path, episode: int) -> Traces:
     contents = read(recording)
     spec = spec_of(contents, recording)
     steps = [step for step in contents.steps if step.episode == episode]
     if not steps:
-        raise RecordingError(f"{recording} has no step of episode {episode}", remedy="use {episode=0}")
-    panels = [name for name in TRACES if getattr(steps[0], name)]
-    figure, axes = plt.subplots(len(panels) + 1, 1, figsize=(11, 2.4 * len(panels) + 2.4), sharex=True, layout="constrained")
-    seconds = np.arange(len(steps)) * (spec.time_step or 1.0)
-    for axis, name in zip(axes, panels, strict=False):
-        _draw_traces(axis, seconds, name, [getattr(step, name) for step in steps])
-    axes[-1].plot(seconds, [step.reward for step in steps], color=COLOURS[0], label="reward")
-    if steps[0].value is not None:
-        values = [np.nan if step.value is None else step.value for step in steps]
-        axes[-1].plot(seconds, values, "--", color=COLOURS[1], label="value, in the critic's scale")
-    axes[-1].legend(loc="upper left", fontsize="x-small")
-    axes[-1].set_xlabel("simulated seconds" if spec.time_step else "steps")
-    figure.suptitle(verbatim(f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}"))
-    save_figure(figure, path)
+        raise _no_episode(recording, episode)
+    return Traces(
+        f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}",
+        np.arange(len(steps)) * (spec.time_step or 1.0),
+        "simulated seconds" if spec.time_step else "steps",
+        {name: [getattr(step, name) for step in steps] for name in TRACES if getattr(steps[0], name)},
+        [step.reward for step in steps],
+        [] if steps[0].value is None else [np.nan if step.value is None else step.value for step in steps],
+    )
+
+
+def _mapped(recording: Path, channels: ChannelMap, episode: int) -> Traces:
+    logged = read_logged(recording, channels)
+    rows = np.flatnonzero(logged.episodes() == episode)
+    if not len(rows):
+        raise _no_episode(recording, episode)
+    reward = logged.reward[rows, 0]
+    panels = {
+        "observation": [dict(zip(channels.observation.fields, row, strict=True)) for row in logged.observation[rows].tolist()],
+        "action": [dict(zip(channels.action.fields, row, strict=True)) for row in logged.action[rows].tolist()],
+    }
+    title = f"{recording.name}, episode {episode}: return {np.nansum(reward):.1f}"
+    return Traces(title, (logged.times[rows] - logged.times[rows[0]]) / 1e9, "seconds in the log", panels, reward.tolist())
+
+
+def _no_episode(recording: Path, episode: int) -> RecordingError:
+    return RecordingError(f"{recording} has no step of episode {episode}", remedy="use {episode=0}")
 
 
 def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Sequence[Mapping[str, float]]) -> None:

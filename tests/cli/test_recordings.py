@@ -3,6 +3,7 @@
 import pytest
 
 from tests.cli.commands import refusal, run, run_json
+from tests.record.foreign import MAPPING, write_foreign
 from tests.test_physics import CARTPOLE, run_headless
 from transferkit import load_subject, record_episodes
 from transferkit.renderer import _renders
@@ -59,6 +60,17 @@ def test_a_video_that_cannot_be_made(capsys, monkeypatch):
     monkeypatch.setenv("PYOPENGL_PLATFORM", "nonsense")  # neither EGL nor OSMesa
     said = refusal(capsys, "replay", "x.mcap", "--video", "x.mp4")
     assert "nothing can be rendered here; install a GL driver (Debian: libegl1); `transferkit doctor` checks" in said
+
+
+def test_another_tools_recording_is_drawn_and_no_command_advises_a_flag_that_it_has_not(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_foreign(tmp_path / "x.mcap")
+    (tmp_path / "m.toml").write_text(MAPPING)
+    assert "name its channels with --mapping" in refusal(capsys, "plot", "x.mcap")
+    assert run(capsys, "plot", "x.mcap", "--mapping", "m.toml")[:2] == (0, "x.png\n")
+    for replay in (["replay", "x.mcap"], ["replay", "x.mcap", "--video", "x.mp4"]):
+        assert "only its own have the seeds and states that a replay needs; plot it with --mapping" in refusal(capsys, *replay)
+    assert "mapping" not in refusal(capsys, "export", "x.mcap", "--minari", "my/x-v0")
 
 
 @pytest.mark.parametrize(

@@ -17,14 +17,16 @@ def main(arguments: Sequence[str]) -> Answer:
     """Export a policy as ONNX, or recordings as a Minari dataset."""
     flags = parser("export", "Write a run's policy or a core as one ONNX file, or recordings as a local Minari dataset.")
     flags.add_argument("names", nargs="+", metavar="RUN|CORE|FILE.mcap", help="one policy, or recordings with --minari")
-    add_environment(flags, "environment of the policy; a core takes any, and is wrapped onto it untrained")
+    add_environment(
+        flags, "environment of the policy; a core takes any, and is wrapped onto it untrained; with --minari, the recordings' own"
+    )
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
     target.add_argument("--minari", metavar="DATASET", help="such as hopper/mine-v0")
     options = flags.parse_args(arguments)
     if options.minari is not None:
-        return _minari(options.names, options.minari)
+        return _minari(options.names, options.minari, environment(options))
     if len(options.names) > 1:
         raise ConfigError(f"{len(options.names)} policies do not fit into one file", remedy="export them one by one")
     if options.names[0].endswith(".mcap"):
@@ -33,10 +35,10 @@ def main(arguments: Sequence[str]) -> Answer:
     return _onnx(options)
 
 
-def _minari(names: Sequence[str], dataset: str) -> Answer:
-    from transferkit.record.datasets import export_minari  # noqa: PLC0415 - torch takes seconds to import
+def _minari(names: Sequence[str], dataset: str, env: str | None) -> Answer:
+    from transferkit.record.minari_export import export_minari  # noqa: PLC0415 - torch takes seconds to import
 
-    steps = export_minari([Path(name) for name in names], dataset)
+    steps = export_minari([Path(name) for name in names], dataset, env=env)
     return Answer({"dataset": dataset, "steps": steps}, f"{dataset}: {steps} steps")
 
 

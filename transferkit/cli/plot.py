@@ -18,6 +18,7 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("run", metavar="RUN|FILE.mcap", type=Path, help="run directory, finished or not, or a recording")
     flags.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png or FILE.png")
     flags.add_argument("--episode", type=whole("episode", NOT_NEGATIVE), default=0, help="of a recording")
+    flags.add_argument("--mapping", type=Path, metavar="FILE.toml", help="where another tool's recording has what")
     options = flags.parse_args(arguments)
     from transferkit.plots import draw_recording, draw_run  # noqa: PLC0415 - matplotlib takes a second to import
 
@@ -26,5 +27,5 @@ def main(arguments: Sequence[str]) -> Answer:
         draw_run(options.run, out)
     else:
         out = options.out or options.run.with_suffix(".png")
-        draw_recording(options.run, out, episode=options.episode)
+        draw_recording(options.run, out, episode=options.episode, mapping=options.mapping)
     return Answer({"picture": str(out)}, str(out))

@@ -67,8 +67,7 @@ class Contract(gymnasium.Wrapper):
             EnvironmentContractError: the environment raises, or returns other types or shapes than it declares.
             NotFiniteError: the action, the observation or the reward has NaN or an infinite number.
         """
-        clipped = np.minimum(np.maximum(action, -self._limit), self._limit)  # a fifth of np.clip's time
-        scaled = self._centre + self._half_range * clipped
+        scaled = self.scaled(action)
         if not math.isfinite(scaled.sum()):
             raise self._not_finite("the policy chose an action")
         self._steps += 1
@@ -84,6 +83,11 @@ class Contract(gymnasium.Wrapper):
             if self._given_up:
                 _say_given_up(name_of(self.env))
         return observation, reward, terminated, truncated, info
+
+    def scaled(self, action: NDArray[np.floating]) -> NDArray[np.float64]:
+        """Put actions `(..., act_dim)` into the wrapped environment's own units, as `step` hands them on."""
+        clipped = np.minimum(np.maximum(action, -self._limit), self._limit)  # a fifth of np.clip's time
+        return self._centre + self._half_range * clipped
 
     def close(self) -> None:
         """Close the environment."""

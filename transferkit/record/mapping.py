@@ -24,17 +24,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-import orjson
 from mcap.records import Channel, Message, Schema
-from mcap_protobuf.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError
 from transferkit.reading import FormatError, parse_toml, read_bytes
 from transferkit.record.mcap_file import Damage, records
+from transferkit.record.messages import Decoder, number
 from transferkit.record.reader import Transitions, check_finite
 
 if TYPE_CHECKING:
@@ -83,6 +82,29 @@ class Series:
     values: NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class Logged:
+    """What a mapping finds in a file: a row for each message of the observation's topic, in the order of time."""
+
+    times: NDArray[np.int64]
+    """Log times in nanoseconds."""
+    observation: NDArray[np.float64]
+    action: NDArray[np.float64]
+    """NaN where none was logged before the next observation, as in the reward."""
+    reward: NDArray[np.float64]
+    complete: NDArray[np.bool_]
+    """Whether an action and a reward were logged."""
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    damaged: bool
+    """Some of the file is lost."""
+
+    def episodes(self) -> NDArray[np.int64]:
+        """Count, for each row, the ends before it."""
+        ends = np.cumsum(self.terminated | self.truncated)
+        return np.concatenate(([0], ends[:-1]))
+
+
 def load_mapping(path: Path) -> ChannelMap:
     """Read a mapping.
 
@@ -97,6 +119,24 @@ def load_mapping(path: Path) -> ChannelMap:
         raise RecordingError(f"the mapping {path} is none: {error}", topic="mappings") from None
 
 
+def read_logged(path: Path, channels: ChannelMap) -> Logged:
+    """Read what a mapping names, of a file of any tool and any dimensions.
+
+    Raises:
+        RecordingError: not an MCAP file, a topic or field that is not in it, or no observation.
+    """
+    mapping = channels.sources()
+    series, damaged = _series(path, mapping)
+    times = series["observation"].times
+    if not len(times):
+        raise RecordingError(f"{path} has no message on {mapping['observation'].topic}: no step can be made of it")
+    rows = {name: _of_steps(series[name], times) for name in mapping if name != "observation"}
+    action, reward = (_at(series[name], rows[name]) for name in ("action", "reward"))
+    terminated, truncated = (_flag(series.get(name), rows.get(name), len(times)) for name in OPTIONAL)
+    complete = (rows["action"] >= 0) & (rows["reward"] >= 0)
+    return Logged(times, series["observation"].values, action, reward, complete, terminated, truncated, damaged=damaged)
+
+
 def read_mapped(path: Path, channels: ChannelMap, spec: IOSpec) -> Transitions:
     """Read the steps of a file of any tool, for an environment of this spec.
 
@@ -109,33 +149,34 @@ def read_mapped(path: Path, channels: ChannelMap, spec: IOSpec) -> Transitions:
             raise RecordingError(
                 f"the mapping names {len(mapping[name].fields)} {name} fields, {spec.env_id} has {dim}", remedy="name as many"
             )
-    series, damaged = _series(path, mapping)
-    times = series["observation"].times
-    if not len(times):
-        raise RecordingError(f"{path} has no message on {mapping['observation'].topic}: no step can be made of it")
-    rows = {name: _of_steps(series[name], times) for name in mapping if name != "observation"}
-    logged = (rows["action"] >= 0) & (rows["reward"] >= 0)
-    flags = {name: _flag(series.get(name), rows.get(name), len(times)) for name in OPTIONAL}
-    followed = np.arange(len(times)) < len(times) - 1
-    unknown = logged & ~flags["terminated"] & (flags["truncated"] | ~followed)
-    steps = np.flatnonzero(logged & ~unknown)
+    logged = read_logged(path, channels)
+    followed = np.arange(len(logged.times)) < len(logged.times) - 1
+    unknown = logged.complete & ~logged.terminated & (logged.truncated | ~followed)
+    steps = np.flatnonzero(logged.complete & ~unknown)
     if not len(steps):
         raise RecordingError(
             f"{path} has no step with an action and a reward between its observation and the next", remedy="check the topics"
         )
-    observation = series["observation"].values.astype(np.float32)
-    action, reward = (series[name].values[rows[name][steps]].astype(np.float32) for name in ("action", "reward"))
+    observation = logged.observation.astype(np.float32)
+    action, reward = (values[steps].astype(np.float32) for values in (logged.action, logged.reward))
     if np.abs(action).max() > 1:
         raise RecordingError(
             f"{path} has actions beyond -1 to 1 on {mapping['action'].topic}", remedy="log shares of the actuators' ranges"
         )
-    terminated, truncated = (flags[name][steps] for name in OPTIONAL)
+    terminated, truncated = logged.terminated[steps], logged.truncated[steps]
     # The next message is that of another episode; what a termination led to is not needed, since nothing follows it.
     following = observation[np.where(terminated, steps, steps + 1)]
-    notes = _notes(path, len(steps), int((~logged & followed).sum()), int(unknown.sum()), damaged=damaged)
+    notes = _notes(path, len(steps), int((~logged.complete & followed).sum()), int(unknown.sum()), damaged=logged.damaged)
     transitions = Transitions(observation[steps], action, reward[:, 0], following, terminated, truncated, notes)
     check_finite(transitions, path)
     return transitions
+
+
+def _at(series: Series, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Take the rows of a series, NaN for -1."""
+    if not len(series.times):
+        return np.full((len(rows), series.values.shape[1]), np.nan)
+    return np.where(rows[:, None] >= 0, series.values[rows], np.nan)
 
 
 def _notes(path: Path, taken: int, lacking: int, unknown: int, *, damaged: bool) -> tuple[str, ...]:
@@ -162,7 +203,7 @@ def _series(path: Path, mapping: dict[str, Source]) -> tuple[dict[str, Series], 
         by_topic.setdefault(source.topic, []).append(name)
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    seen, damaged, protobuf = set(), False, DecoderFactory()
+    seen, damaged, decode = set(), False, Decoder(path)
     for record in records(path):
         if isinstance(record, Damage):
             damaged = True
@@ -175,9 +216,9 @@ def _series(path: Path, mapping: dict[str, Source]) -> tuple[dict[str, Series], 
             channel = channels[record.channel_id]
             if record.log_time >= 2**63:
                 raise RecordingError(f"{path}: a message on {channel.topic} has no time")
-            message = _decode(channel, schemas.get(channel.schema_id), record.data, protobuf, path)
+            message = decode(channel, schemas.get(channel.schema_id), record.data)
             for name in by_topic[channel.topic]:
-                rows[name].append((record.log_time, [_value(message, field, channel.topic) for field in mapping[name].fields]))
+                rows[name].append((record.log_time, [number(message, field, channel.topic) for field in mapping[name].fields]))
     for name, source in mapping.items():
         if source.topic not in seen:
             raise RecordingError(
@@ -198,34 +239,3 @@ def _of_steps(series: Series, times: NDArray[np.int64]) -> NDArray[np.int64]:
     ends = np.append(times[1:], np.iinfo(np.int64).max)
     there = (index < len(series.times)) & (np.append(series.times, np.iinfo(np.int64).max)[index] < ends)
     return np.where(there, index, -1)
-
-
-def _decode(channel: Channel, schema: Schema | None, data: bytes, protobuf: DecoderFactory, path: Path) -> object:
-    if channel.message_encoding == "json":
-        try:
-            return orjson.loads(data)
-        except ValueError as error:
-            raise RecordingError(f"{path}: a message of topic {channel.topic} is not JSON ({error})") from None
-    try:
-        decoder = protobuf.decoder_for(channel.message_encoding, schema)
-        message = None if decoder is None else decoder(data)
-    except Exception as error:  # whatever protobuf raises for a schema or a message that is none
-        raise RecordingError(f"{path}: a message on {channel.topic} does not decode ({error})") from None
-    if message is None:
-        raise RecordingError(
-            f"{path}: encoding of topic {channel.topic}", value=channel.message_encoding, allowed="json or protobuf"
-        )
-    return message
-
-
-def _value(message: object, field: str, topic: str) -> float:
-    node: Any = message  # JSON, or a protobuf message
-    for name in field.split("."):
-        try:
-            node = node[int(name)] if name.isdigit() else node[name] if isinstance(node, dict) else getattr(node, name)
-        except (LookupError, TypeError, AttributeError, ValueError):
-            raise RecordingError(f"topic {topic} has no field {field}", remedy="check the mapping") from None
-    try:
-        return float(node)
-    except (TypeError, ValueError, OverflowError):
-        raise RecordingError(f"field {field} of topic {topic} is not a number", remedy="check the mapping") from None

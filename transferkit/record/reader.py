@@ -152,14 +152,14 @@ def _about(metadata: dict[str, str], path: Path) -> About:
     return typed(content, About)
 
 
-def about_of(contents: Contents, path: Path) -> About:
+def about_of(contents: Contents, path: Path, remedy: str = "name its channels with {mapping}") -> About:
     """Take what a recording of ours says of itself.
 
     Raises:
-        RecordingError: it is not one of ours.
+        RecordingError: it is not one of ours, with the remedy.
     """
     if contents.about is None:
-        raise RecordingError(f"{path} is not a recording of transferkit", remedy="name its channels with {mapping}")
+        raise RecordingError(f"{path} is not a recording of transferkit", remedy=remedy)
     return contents.about
 
 

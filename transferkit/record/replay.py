@@ -18,7 +18,7 @@ from transferkit.envs import Simulation, dims, id_from_file, make_env, open_simu
 from transferkit.errors import RecordingError
 from transferkit.physics import mujoco
 from transferkit.record.format import Names
-from transferkit.record.reader import about_of, read, spec_of
+from transferkit.record.reader import about_of, read
 from transferkit.record.state import FULL_STATE, integration_state, state_size
 from transferkit.streams import Streams
 from transferkit.versions import versions
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 PHYSICS = ("mujoco", "gymnasium", "dm-control", "shimmy", "numpy")
 """Packages whose version can change a trajectory."""
+
+STATELESS = "only its own have the seeds and states that a replay needs; plot it with {mapping}"
+"""Remedy for a recording of another tool."""
 
 OnFrame = Callable[[gymnasium.Env], None]
 
@@ -63,7 +66,8 @@ def replay_recording(
     """
     path = Path(path)
     contents = read(path)
-    about, names = about_of(contents, path), Names.of(spec_of(contents, path))
+    about = about_of(contents, path, STATELESS)
+    names = Names.of(about.spec)
     episodes = [_from_its_start(list(steps)) for _, steps in itertools.groupby(contents.steps, lambda step: step.episode)]
     episodes = [steps for steps in episodes if steps]
     if not episodes:
@@ -79,7 +83,7 @@ def replay_recording(
             observation, _ = made.reset(seed=streams.integer("evaluation", steps[0].episode))
             differences.append(tape.play(steps, observation, on_frame))
     difference = next(filter(None, differences), "")
-    return Replayed(len(episodes), sum(map(len, episodes)), contents.flaw, difference, _different_versions(about))
+    return Replayed(len(episodes), sum(map(len, episodes)), contents.flaw, difference, different_versions(about))
 
 
 def _from_its_start(steps: list[Step]) -> list[Step]:
@@ -158,6 +162,7 @@ class _Tape:
         return state
 
 
-def _different_versions(about: About) -> dict[str, tuple[str, str]]:
+def different_versions(about: About) -> dict[str, tuple[str, str]]:
+    """Find the packages of the physics that had another version: recorded, and here."""
     here = versions()
     return {name: (about.versions.get(name, "?"), here[name]) for name in PHYSICS if about.versions.get(name) != here[name]}
