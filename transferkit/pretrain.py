@@ -18,6 +18,7 @@ from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, writing
+from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
@@ -167,6 +168,7 @@ def _core(
 
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
+    assert isinstance(core.architecture, Architecture)  # nothing is wrapped here
     components = {"policy": policy_card(core.architecture)}
     components |= {name: ensemble_card(name, core.ensembles[name]) for name in ENSEMBLES if name in core.ensembles}
     if "normalizer" in core.components:

@@ -33,25 +33,26 @@ if TYPE_CHECKING:
 
 
 def load_subject(name: str, *, env: str | None = None, member: int | None = None, values: bool = True) -> Subject:
-    """Load a finished run's policy, or a core: on its own source, or wrapped onto another environment without training.
+    """Load a finished run's policy, or a core: in its own environment, or wrapped onto another one without training.
 
     Args:
         name: a run directory, or a core's id or folder.
-        env: the environment to play in; by default the run's, or the core's source.
+        env: the environment to play in; by default the run's, or the core's source. A run is wrapped onto another as a core.
         member: of a core; by default the first.
         values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
 
     Raises:
-        ConfigError: a run is asked for in another environment than its own, or with a member.
+        ConfigError: a run is asked for with a member.
         UnknownNameError: neither a run nor a core has this name.
     """
     if (Path(name) / RECORD).exists():
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
-        return _run_subject(Path(name), env, values=values)
+        if env in (None, TrainConfig.from_json(read_record(Path(name))).env):
+            return _run_subject(Path(name), env, values=values)
     member = member or 0
     try:
-        core = load_core(name)
+        core = load_core(name, env=env)
     except UnknownNameError as error:
         raise UnknownNameError("run or core", name, error.known, topic=error.topic) from None
     about = {"core": core.id, "core_digest": core.digest, "member": member}
@@ -117,7 +118,7 @@ def _critics(config: TrainConfig, saved: Beside, digest: str | None, policy: Pol
 
 
 def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic:
-    core = load_core(str(config.core))
+    core = load_core(str(config.core), env=config.env)
     if core.digest != digest:
         raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with", remedy="restore it")
     rebuilt = new_policy(config, core)
@@ -128,8 +129,6 @@ def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run
 def _run_subject(run: Path, env: str | None, *, values: bool) -> Subject:
     record = read_record(run)
     config = TrainConfig.from_json(record)
-    if env not in (None, config.env):
-        raise ConfigError(f"run {run} was trained in {config.env} and cannot play {env}", remedy="leave out {env}")
     home = id_from_file(config.env, run, env)
     policy = load_policy(run)
     digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()

@@ -56,7 +56,7 @@ def run_training(
     """
     check_kind("config", config, TrainConfig, "make one, such as TrainConfig('Hopper-v5', steps=10_000)")
     with one_thread():  # the fastest for small networks, and the only number that always gives the same bits
-        core = None if config.core is None else load_core(config.core)
+        core = None if config.core is None else load_core(config.core, env=config.env)
         policy = policy or new_policy(config, core)
         job = Job(config, policy, config.env, out or default_directory(config), core, record_every)
         return _run(job, resume=resume, report=report)

@@ -1,7 +1,7 @@
 """More budget for a finished run: it goes on from its final state, in the same directory and with a record of its own.
 
-One atomic write of the run's record makes a finished run one that goes on: it then holds the new budget and what the old one came
-to. A result with fewer earlier ones than the record is of before, and no longer counts.
+One atomic write of the run's record makes a finished run one that goes on: it then holds the new budget and what the old one
+came to. A result with fewer earlier ones than the record is of before, and no longer counts.
 """
 
 from __future__ import annotations
