@@ -15,7 +15,7 @@ def main(arguments: Sequence[str]) -> Answer:
     """Export a policy as ONNX, or recordings as a Minari dataset."""
     flags = parser("export", "Write a run's policy or a core as one ONNX file, or recordings as a local Minari dataset.")
     flags.add_argument("names", nargs="+", metavar="RUN|CORE|FILE.mcap", help="one policy, or recordings with --minari")
-    flags.add_argument("--env", help="wrap a core onto this environment, untrained")
+    flags.add_argument("--env", help="wrap a core or a run onto this environment, untrained")
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")

@@ -42,7 +42,7 @@ def wrap(
     """Build a core into a policy for another environment; the core itself is copied and stays as it is.
 
     Args:
-        core: from `transferkit.load_core`.
+        core: from `transferkit.load_core`, of a zoo or of a finished run.
         env: the target, by id, as an environment (its state is lost: reset it), or as an `IOSpec`.
         preset: whose sandwich to build: `default`, `paper`, or a version of them, such as `default-v1`.
         config: all options at once, in place of the preset.
