@@ -81,7 +81,7 @@ def test_a_wrapped_critic_needs_the_core_that_it_was_trained_with(full_core, ful
     assert load_subject(str(run), values=False).policy.has_core
 
 
-def test_a_run_is_evaluated_as_it_was_and_plays_its_own_environment_only(tmp_path):
+def test_a_run_is_evaluated_as_it_was_and_plays_its_own_environment_or_is_wrapped(tmp_path):
     result = run_training(tiny("ppo"), out=tmp_path / "run")
     assert evaluate_run(tmp_path / "run", episodes=1).mean == result.eval_return_mean
     subject = load_subject(str(tmp_path / "run"))
@@ -89,8 +89,8 @@ def test_a_run_is_evaluated_as_it_was_and_plays_its_own_environment_only(tmp_pat
     assert subject.about["training"] == {
         "algo": "ppo", "preset": "default-v2", "core": None, "member": 0, "seed": 0, "core_digest": None,
     }  # fmt: skip
-    with pytest.raises(ConfigError, match=r"was trained in InvertedDoublePendulum-v5 and cannot play Hopper-v5; leave out env"):
-        load_subject(str(tmp_path / "run"), env="Hopper-v5")
+    other = load_subject(str(tmp_path / "run"), env="InvertedPendulum-v5")  # as a core
+    assert (other.env, other.policy.obs_dim, other.about["core"]) == ("InvertedPendulum-v5", 4, "run")
     with pytest.raises(ConfigError, match="has no members; leave out member"):
         load_subject(str(tmp_path / "run"), member=1)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Annotated, Any
 
 from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check
 from transferkit.errors import ConfigError
@@ -28,6 +29,19 @@ class Budget:
         check(self)
         if (self.episodes, self.steps, self.seconds) == (None, None, None):
             raise ConfigError("no budget given", remedy="give {episodes}, {steps} or {seconds}")
+
+    def limits(self) -> dict[str, float]:
+        """Return the limits that are given, by kind."""
+        return given_limits(asdict(self))
+
+
+KINDS = tuple(field.name for field in fields(Budget))
+"""Names of the limits."""
+
+
+def given_limits(data: Mapping[str, Any]) -> dict[str, float]:
+    """Pick the limits that are given out of a configuration."""
+    return {kind: data[kind] for kind in KINDS if data.get(kind) is not None}
 
 
 @dataclass

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import torch
 
-from transferkit.budget import Budget
+from transferkit.budget import KINDS, Budget
 from transferkit.config import TrainConfig, identity, migrated_blueprint
-from transferkit.envs import VectorEnv, derive_spec, dims, make_env
+from transferkit.envs import VectorEnv, derive_spec, dims, is_written, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
@@ -85,17 +85,21 @@ class Job:
         return transitions, ledger
 
     def open(self, ledger: Ledger, *, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
-        """Start the run's directory, or take it up with its last checkpoint if its record is the same."""
+        """Start the run's directory, or take it up with its last checkpoint if its record is the same.
+
+        One that is finished goes on if all but its budget is the same, and that is more than it has spent.
+        """
         made_of = {"policy": self.policy.blueprint(), "core_digest": self.core and self.core.digest}
         made_of |= {"recordings": list(ledger)} if ledger else {}
+        made_of |= {} if is_written(self.config.env) else {"spec": derive_spec(self.env).to_json()}
         if not (resume and (self.out / RECORD).exists()):
             return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
         recorded = read_record(self.out)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
         with damaged_run(self.out / RECORD):
             before["policy"] = migrated_blueprint(read_beside(recorded).policy)
-        check_same(self.out, before, identity(self.config) | made_of)
-        return RunDirectory.resume(self.out)
+        check_same(self.out, _but_budget(before), _but_budget(identity(self.config) | made_of))
+        return RunDirectory.resume(self.out, self._budget())
 
     def trainer(self, prior: Transitions | None) -> Trainer:
         """Make the trainer around the policy."""
@@ -147,10 +151,15 @@ class Job:
             eval_episodes=int(scores["n"]),
             run_dir=str(self.out),
             prior_steps=sum(entry["steps"] for entry in ledger),
+            earlier=session.directory.earlier,
         )
 
     def _budget(self) -> Budget:
         return Budget(self.config.episodes, self.config.steps, self.config.seconds)
+
+
+def _but_budget(facts: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in facts.items() if name not in KINDS}
 
 
 def _device(name: str) -> torch.device:

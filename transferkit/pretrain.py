@@ -13,14 +13,17 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from transferkit import stats
+from transferkit.budget import given_limits
 from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, writing
+from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
+from transferkit.run import RECORD, check_same, read_record
 from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
@@ -111,10 +114,18 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
 
 def _train_members(recipe: Recipe, config: TrainConfig) -> list[Result]:
     jobs = [(replace(config, seed=seed), RUNS / "pretrain" / recipe.id / f"seed{seed}") for seed in recipe.seeds]
+    for job, out in jobs:
+        _check_budget(job, out)
     if recipe.workers == 1 or len(jobs) == 1:
         return [run_training(job, out=out, resume=True) for job, out in jobs]
     with worker_pool(recipe.workers, len(jobs)) as pool:
         return list(pool.map(_train_member, *zip(*jobs, strict=True)))
+
+
+def _check_budget(config: TrainConfig, out: Path) -> None:
+    """Refuse a member that began with another budget: one that was given more later is not what the card's command makes."""
+    if (out / RECORD).exists():
+        check_same(out, given_limits(read_record(out)), given_limits(asdict(config)))
 
 
 def _train_member(config: TrainConfig, out: Path) -> Result:
@@ -167,6 +178,7 @@ def _core(
 
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
+    assert isinstance(core.architecture, Architecture)  # nothing is wrapped here
     components = {"policy": policy_card(core.architecture)}
     components |= {name: ensemble_card(name, core.ensembles[name]) for name in ENSEMBLES if name in core.ensembles}
     if "normalizer" in core.components:

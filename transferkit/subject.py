@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.config import TrainConfig
-from transferkit.envs import id_from_file
+from transferkit.envs import dims_of, id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import evaluate
 from transferkit.files import damaged_run
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
 
 
 def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = None, values: bool = True) -> Subject:
-    """Load a finished run's policy, or a core: on its own source, or wrapped onto another environment without training.
+    """Load a finished run's policy, or a core: in its own environment, or wrapped onto another one without training.
 
     Args:
         name: a run directory, or a core's id or folder.
         env: the environment to play in, in any form; by default the run's, if a record can make it again, or the core's source.
+            A run plays as it is where its dimensions fit, and is wrapped as a core where they do not.
         member: of a core; by default the first.
         values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
 
@@ -50,10 +51,11 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
     if (Path(name) / RECORD).exists():
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
-        return _run_subject(Path(name), env, values=values)
+        if env is None or dims_of(env) == _dims(load_policy(name)):
+            return _run_subject(Path(name), env, values=values)
     member = member or 0
     try:
-        core = load_core(name)
+        core = load_core(name, env=env if isinstance(env, str) else None)
     except UnknownNameError as error:
         raise UnknownNameError("run or core", name, error.known, topic=error.topic) from None
     about = {"core": core.id, "core_digest": core.digest, "member": member}
@@ -63,6 +65,10 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
         rules = TrainConfig.from_json(find_card(name).config).env_config
         return Subject(core.policy(member), home, value, **asdict(rules), about=about)
     return Subject(wrap(core, env, member=member), env, about=about)
+
+
+def _dims(policy: Policy) -> tuple[int, int]:
+    return policy.obs_dim, policy.act_dim
 
 
 def home_of(name: str) -> str:
@@ -131,7 +137,7 @@ def _critics(config: TrainConfig, saved: Beside, digest: str | None, policy: Pol
 
 
 def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic:
-    core = load_core(str(config.core))
+    core = load_core(str(config.core), env=config.env)
     if core.digest != digest:
         raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with", remedy="restore it")
     rebuilt = new_policy(config, core)

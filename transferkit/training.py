@@ -47,7 +47,8 @@ def run_training(
         config: the whole run.
         policy: use this untrained policy instead of the configured one, for a control.
         out: the run directory; by default `runs/` with a name made of the configuration.
-        resume: go on where the directory stopped, start if there is none, return the result if it is finished.
+        resume: go on where the directory stopped, start if there is none, return the result if it is finished. A finished run
+            goes on if all but the budget is the same, and that is more than it has spent.
         report: called after every update.
         record_every: record an episode of every so many evaluations as `recordings/step_<N>.mcap` in the run directory.
 
@@ -56,7 +57,7 @@ def run_training(
     """
     check_kind("config", config, TrainConfig, "make one, such as TrainConfig('Hopper-v5', steps=10_000)")
     with one_thread():  # the fastest for small networks, and the only number that always gives the same bits
-        core = None if config.core is None else load_core(config.core)
+        core = None if config.core is None else load_core(config.core, env=config.env)
         policy = policy or new_policy(config, core)
         job = Job(config, policy, config.env, out or default_directory(config), core, record_every)
         return _run(job, resume=resume, report=report)
@@ -90,7 +91,7 @@ def train(
         settings: single settings over the preset, by dotted name, such as `{"ppo.learning_rate": 1e-3}`.
         seed: of every random stream of training.
         out: the run directory; by default under `runs/`.
-        resume: go on where the directory stopped.
+        resume: go on where the directory stopped, or, if that is finished, with a budget that is larger than what it has spent.
         device: of the networks.
         eval_episodes: episodes of an evaluation.
         eval_every: environment steps between evaluations during training; 0 for only one at the end.

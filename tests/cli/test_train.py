@@ -82,3 +82,20 @@ def written(run):
     """When the last checkpoint was."""
     checkpoint = run / "checkpoint.safetensors"
     return checkpoint.stat().st_mtime_ns if checkpoint.exists() else None
+
+
+def test_more_budget_later_and_a_finished_run_as_a_core(capsys, tmp_path):
+    out = str(tmp_path / "first")
+    command = ["train", "--env", "InvertedPendulum-v5", *FAST]
+    first = run_json(capsys, *command, "--steps", "100", "--out", out)
+    code, text, _ = run(capsys, *command, "--steps", "200", "--out", out, "--resume")
+    assert code == 0
+    assert f"before budget 2   return {first['eval_return_mean']} after {first['episodes']} episodes, 100 steps" in text
+    both = run_json(capsys, *command, "--steps", "200", "--out", out, "--resume")
+    assert (both["steps"], [before["steps"] for before in both["earlier"]]) == (200, [100])
+    code, _, err = run(capsys, *command, "--steps", "100", "--out", out, "--resume")
+    assert code == 2
+    assert "is finished and has spent 200 steps, so --steps 100 is no more budget" in err
+    assert err.strip().endswith("give more --steps to train on, or --steps 200 for its result")
+    tuned = run_json(capsys, *command, "--core", out, "--steps", "100", "--out", str(tmp_path / "second"))
+    assert (tuned["core"], tuned["member"]) == (out, 0)

@@ -8,10 +8,10 @@ from tests.toys import Counter
 from transferkit import load_core, wrap
 from transferkit.config import NetworkConfig, TrainConfig
 from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
+from transferkit.policy.blueprints import build
 from transferkit.policy.core import Core
 from transferkit.policy.make import new_policy, scratch_policy
 from transferkit.policy.paper import PaperSandwich
-from transferkit.policy.saved import build
 from transferkit.streams import Streams
 
 IDP, CARTPOLE = "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"

@@ -52,3 +52,18 @@ def test_a_policy_of_another_version_is_refused_in_a_line(saved):
         with pytest.raises(RunDirectoryError, match=r"policy\.safetensors is damaged") as error:
             load_policy(run)
         assert "\n" not in str(error.value)
+
+
+def test_only_a_network_or_a_policy_around_one_is_the_core_of_a_blueprint(saved, full_core):
+    run = saved(wrap(full_core, IDP))
+    state = load_state(run / "policy.safetensors")
+    for core in (
+        scratch_policy(IDP).blueprint(),
+        {"kind": "sandwich"},
+        {"kind": "paper", "core": 1},
+        {**state["blueprint"], "core": []},
+    ):
+        save_state(run / "policy.safetensors", state | {"blueprint": {**state["blueprint"], "core": core}})
+        with pytest.raises(RunDirectoryError, match=r"policy\.safetensors is damaged") as error:
+            load_policy(run)
+        assert "\n" not in str(error.value)

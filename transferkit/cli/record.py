@@ -16,7 +16,7 @@ def main(arguments: Sequence[str]) -> Answer:
     """Record episodes of a run's policy or of a core."""
     flags = parser("record", "Play a run's final policy or a core, and write what happens as an MCAP file.")
     flags.add_argument("name", metavar="RUN|CORE", help="directory of a finished run, or a core's id or folder")
-    add_environment(flags, "environment to play in; a core takes any, and is wrapped onto it untrained")
+    add_environment(flags, "environment to play in; a core or a run is wrapped onto another than its own")
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     flags.add_argument("--episodes", type=whole("episodes", EPISODES), default=1)
     flags.add_argument(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str]) -> Answer:
         Args:
             config: the run.
             out: run directory; by default `runs/` with a name made of the configuration.
-            resume: go on where the run directory stopped, to the bit.
+            resume: go on where the run directory stopped, to the bit; a finished run goes on if its budget is larger now.
             record: `every=N` records an episode of every Nth evaluation as MCAP in the run directory.
             env_kwargs: NAME=VALUE keyword arguments of the environment; `--env 'ENV?NAME=VALUE'` is the same.
             vary: NAME=VALUE changes of the robot, such as mass=1.3 friction=0.5..1.5; a range is drawn every episode.
@@ -76,4 +76,11 @@ def _train(request: _Request) -> Answer:
         result = asdict(
             run_training(config, out=request.out, resume=request.resume, report=report, record_every=request.record_every)
         )
-    return Answer(result, format_table(("", config.env), [(name, str(value)) for name, value in result.items()]))
+    return Answer(result, format_table(("", config.env), _rows(result)))
+
+
+def _rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The fields of a result; what the run came to before it was given more budget as a row each."""
+    rows = [(name, str(value)) for name, value in result.items() if name != "earlier"]
+    text = "return {eval_return_mean} after {episodes} episodes, {steps} steps, {seconds} seconds"
+    return rows + [(f"before budget {k}", text.format(**before)) for k, before in enumerate(result["earlier"], 2)]

@@ -44,7 +44,7 @@ class TrainConfig:
     env: str
     """Environment id."""
     core: str | None = None
-    """Core id or folder; None trains from scratch."""
+    """Core id or folder, or the directory of a finished run; None trains from scratch."""
     member: Annotated[int, NOT_NEGATIVE] = 0
     """Which of the core's source seeds."""
     algo: Algorithm = "ppo"

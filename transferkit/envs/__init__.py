@@ -6,7 +6,7 @@ from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
 from transferkit.envs.vector import Count, Step, VectorEnv
-from transferkit.envs.written import EnvLike, name_of
+from transferkit.envs.written import EnvLike, is_written, name_of
 
 __all__ = [
     "NO_LIMIT",
@@ -26,6 +26,7 @@ __all__ = [
     "failed",
     "id_from_file",
     "is_maker",
+    "is_written",
     "make_env",
     "name_of",
     "open_simulation",

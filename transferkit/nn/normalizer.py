@@ -14,7 +14,7 @@ EPSILON = 1e-8
 
 
 class Normalizer(nn.Module):
-    """Running mean and variance of everything seen (Chan et al. 1979), and `(x - mean) / std` clipped to +-10."""
+    """Running mean and variance of everything seen (Chan et al. 1979), and `(x - mean) / std`, as a rule clipped to +-10."""
 
     mean: Tensor
     """`(dim,)`."""
@@ -24,8 +24,9 @@ class Normalizer(nn.Module):
     """Samples seen, scalar float64."""
     _inverse_std: Tensor
 
-    def __init__(self, dim: int) -> None:
+    def __init__(self, dim: int, *, clip: bool = True) -> None:
         super().__init__()
+        self.clip = clip
         self.register_buffer("mean", torch.zeros(dim))
         self.register_buffer("var", torch.ones(dim))
         self.register_buffer("count", torch.zeros((), dtype=torch.float64))
@@ -35,7 +36,12 @@ class Normalizer(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """Normalise `x`, `(B, dim)`."""
-        return (x - self.mean).mul_(self._inverse_std).clamp_(-CLIP, CLIP)
+        scaled = (x - self.mean).mul_(self._inverse_std)
+        return scaled.clamp_(-CLIP, CLIP) if self.clip else scaled
+
+    def inverse(self, normalized: Tensor) -> Tensor:
+        """Undo `forward` without clipping, `(B, dim)`."""
+        return normalized / self._inverse_std + self.mean
 
     @torch.no_grad()
     def update(self, x: Tensor) -> None:

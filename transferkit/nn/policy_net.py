@@ -38,6 +38,11 @@ class Architecture:
         return asdict(self)
 
     @property
+    def feature_dim(self) -> int:
+        """Width of the last hidden layer."""
+        return self.hidden[-1]
+
+    @property
     def weights(self) -> int:
         """Numbers in its matrices, known before any is allocated."""
         return sum(a * b for a, b in itertools.pairwise((self.obs_dim, *self.hidden, self.act_dim)))
@@ -71,7 +76,7 @@ class PolicyNet(nn.Module):
     @property
     def feature_dim(self) -> int:
         """Width of the last hidden layer."""
-        return self.architecture.hidden[-1]
+        return self.architecture.feature_dim
 
     def features(self, x: Tensor) -> Tensor:
         """Compute the last hidden layer, `(B, feature_dim)`."""

@@ -86,7 +86,7 @@ class Policy(nn.Module):
         raise NotImplementedError
 
     def blueprint(self) -> dict[str, Any]:
-        """Return JSON-ready data from which `transferkit.policy.saved.build` makes the same policy without its weights."""
+        """Return JSON-ready data from which `transferkit.policy.blueprints.build` makes the same policy without its weights."""
         raise NotImplementedError
 
     def parameter_groups(self) -> list[ParameterGroup]:

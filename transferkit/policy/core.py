@@ -10,13 +10,16 @@ import torch
 from torch import Tensor
 
 from transferkit.errors import ConfigError, SettingError
-from transferkit.nn import Critic, Dynamics, Ensemble, JointInput, Normalizer, PolicyNet
+from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, JointInput, Normalizer, PolicyNet
 from transferkit.policy.base import ScratchPolicy
+from transferkit.policy.blueprints import build_network
 from transferkit.policy.match import angle_pairs
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
-    from transferkit.nn import Architecture, EnsembleArchitecture
+    from transferkit.nn import EnsembleArchitecture
+    from transferkit.policy.base import Policy
+    from transferkit.policy.composed import Composed, ComposedNet
     from transferkit.policy.match import Match
     from transferkit.spec import IOSpec
 
@@ -28,37 +31,42 @@ class Core:
     id: str
     spec: IOSpec
     """Meaning of the source's observation and action."""
-    architecture: Architecture
+    architecture: Architecture | Composed
+    """Of its network; composed if it was trained around a core itself."""
     seeds: Sequence[int]
     """Source seed of each member."""
     components: Mapping[str, Mapping[str, Tensor]]
     """Tensors by name of each component (`policy`, `normalizer`, `critic`, `dynamics`), with a leading axis over members."""
     digest: str = ""
-    """Hash of the artifact it came from."""
+    """Hash of the artifact that it came from, or of the policy of a run."""
     ensembles: Mapping[str, EnsembleArchitecture] = field(default_factory=dict)
     """Architectures of its `critic` and `dynamics`, if it has them."""
 
-    def network(self, member: int = 0) -> PolicyNet:
+    def network(self, member: int = 0) -> PolicyNet | ComposedNet:
         """Build the policy network of a member.
 
         Raises:
             ConfigError: there is no such member.
         """
-        network = PolicyNet(self.architecture)
+        network = build_network(self.architecture.to_json())
         network.load_state_dict(self._of("policy", member))
         return network
 
     def normalizer(self, member: int = 0) -> Normalizer | None:
-        """Build the observation statistics of the member's source, if it was trained with any."""
+        """Build the observation statistics of the member's source, if it was trained with any, as its network takes them."""
+        return self._normalizer(member, clip=isinstance(self.architecture, Architecture))
+
+    def _normalizer(self, member: int, *, clip: bool = True) -> Normalizer | None:
         if "normalizer" not in self.components:
             return None
-        normalizer = Normalizer(self.spec.obs_dim)
+        normalizer = Normalizer(self.spec.obs_dim, clip=clip)
         normalizer.load_state_dict(self._of("normalizer", member))
         return normalizer
 
-    def policy(self, member: int = 0) -> ScratchPolicy:
+    def policy(self, member: int = 0) -> Policy:
         """Build the member as a policy for its own source environment."""
-        return ScratchPolicy(self.network(member), self.normalizer(member))
+        network = self.network(member)
+        return ScratchPolicy(network, self.normalizer(member)) if isinstance(network, PolicyNet) else network.policy
 
     def critic(self, member: int = 0) -> Critic:
         """Build the member's critics, for its source.
@@ -66,7 +74,7 @@ class Core:
         Raises:
             ConfigError: the core has none.
         """
-        critic = Critic(JointInput(self.normalizer(member)), self._ensemble("critic"))
+        critic = Critic(JointInput(self._normalizer(member)), self._ensemble("critic"))
         critic.load_state_dict(self._of("critic", member))
         return critic
 
@@ -76,7 +84,7 @@ class Core:
         Raises:
             ConfigError: the core has none.
         """
-        inputs, obs_dim = JointInput(self.normalizer(member)), self.spec.obs_dim
+        inputs, obs_dim = JointInput(self._normalizer(member)), self.spec.obs_dim
         model = Dynamics(inputs, self._ensemble("dynamics"), obs_dim, angle_pairs(self.spec))
         model.load_state_dict(self._of("dynamics", member))
         return model
@@ -95,9 +103,10 @@ class Core:
         """Make the control that shares architecture and observation statistics: every member freshly initialised."""
         generator = Streams(seed).torch("random core")
         components = dict(self.components)
-        components["policy"] = stack_members(
-            [PolicyNet(self.architecture, generator, init_std=init_std).state_dict() for _ in self.seeds]
-        )
+        blueprint = self.architecture.to_json()
+        new = [build_network(blueprint, generator, init_std=init_std).state_dict() for _ in self.seeds]
+        statistics = {name: tensor for name, tensor in self.components["policy"].items() if _is_statistic(name)}
+        components["policy"] = stack_members(new) | statistics
         for name, architecture in self.ensembles.items():
             fresh = stack_members([Ensemble(architecture, generator).state_dict() for _ in self.seeds])
             components[name] = {**self.components[name], **{f"ensemble.{key}": tensor for key, tensor in fresh.items()}}
@@ -109,7 +118,7 @@ class Core:
         components = dict(self.components)
         for name in ("policy", *self.ensembles):
             tensors = self.components[name]
-            permuted = {key: _permute(tensor, generator) for key, tensor in tensors.items() if key not in ("mean", "std")}
+            permuted = {key: _permute(tensor, generator) for key, tensor in tensors.items() if not _is_statistic(key)}
             components[name] = {**tensors, **permuted}
         return replace(self, id=f"{self.id} (shuffled)", components=components)
 
@@ -117,6 +126,11 @@ class Core:
 def stack_members(states: Sequence[Mapping[str, Tensor]]) -> dict[str, Tensor]:
     """Stack the state dicts of a core's members, each tensor with a leading axis over members."""
     return {name: torch.stack([state[name] for state in states]) for name in states[0]}
+
+
+def _is_statistic(name: str) -> bool:
+    """Whether a tensor describes observations, and is no weight."""
+    return name.rpartition(".")[2] in ("mean", "var", "std", "count")
 
 
 def _permute(members: Tensor, generator: torch.Generator) -> Tensor:

@@ -14,6 +14,7 @@ from transferkit.envs import derive_spec, dims_of
 from transferkit.errors import DimensionError, UnknownNameError
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
+from transferkit.policy.blueprints import SEEDED
 from transferkit.policy.core import Core, Origin
 from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
@@ -25,9 +26,7 @@ if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.envs import EnvLike
     from transferkit.policy.base import Policy
-
-SEEDED = ("input_adapter", "output_adapter", "residual")
-"""Parts that draw their first weights, each from a stream of its own."""
+    from transferkit.policy.composed import Composed
 
 
 def wrap(
@@ -43,7 +42,7 @@ def wrap(
     """Build a core into a policy for another environment; the core itself is copied and stays as it is.
 
     Args:
-        core: from `transferkit.load_core`.
+        core: from `transferkit.load_core`, of a zoo or of a finished run.
         env: the target, in any form that `make_env` takes (the state of one that is made is lost: reset it), or its `IOSpec`.
         preset: whose sandwich to build: `default`, `paper`, or a version of them, such as `default-v1`.
         config: all options at once, in place of the preset.
@@ -111,7 +110,7 @@ def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:
     return replace(config, **options)
 
 
-def _check_dims(architecture: Architecture, source: IOSpec, core_id: str) -> None:
+def _check_dims(architecture: Architecture | Composed, source: IOSpec, core_id: str) -> None:
     core, card = (architecture.obs_dim, architecture.act_dim), (source.obs_dim, source.act_dim)
     if core != card:
         raise DimensionError(

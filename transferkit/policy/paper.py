@@ -13,6 +13,7 @@ from transferkit.policy.base import Policy
 if TYPE_CHECKING:
     from transferkit.config import WrapConfig
     from transferkit.nn import PolicyNet
+    from transferkit.policy.composed import ComposedNet
     from transferkit.spec import IOSpec
 
 EPSILON = 1e-6
@@ -30,7 +31,7 @@ class PaperSandwich(Policy):
 
     def __init__(
         self,
-        core: PolicyNet,
+        core: PolicyNet | ComposedNet,
         specs: tuple[IOSpec, IOSpec],
         config: WrapConfig,
         generators: dict[str, torch.Generator] | None,
@@ -57,9 +58,34 @@ class PaperSandwich(Policy):
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Compute mean and log-std of the action."""
+        return self._adapted(*self._finetuned(observation))
+
+    def features(self, observation: Tensor) -> Tensor:
+        """Compute all that mean and log-std are made of, for a sandwich around this one to take."""
+        return torch.cat(self._finetuned(observation), -1)
+
+    def head(self) -> Linear:
+        """Copy the linear map from `features` to the mean action."""
+        head = Linear(2 * self.mean_adapter.in_features, self.act_dim)
+        with torch.no_grad():
+            head.weight[:, : self.mean_adapter.in_features].copy_(self.mean_adapter.weight)
+            head.bias.copy_(self.mean_adapter.bias)
+        return head
+
+    def distribution(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Compute mean and log-std of the action from `features`."""
+        return self._adapted(*features.chunk(2, -1))
+
+    @property
+    def target(self) -> IOSpec:
+        """Meaning of the observation and the action."""
+        return self._specs[1]
+
+    def _finetuned(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         core_mean, core_log_std = self.core(self.core_input(observation))
-        mean = torch.relu(self.output_finetune(core_mean))
-        std = torch.relu(self.output_finetune(core_log_std.exp()))
+        return torch.relu(self.output_finetune(core_mean)), torch.relu(self.output_finetune(core_log_std.exp()))
+
+    def _adapted(self, mean: Tensor, std: Tensor) -> tuple[Tensor, Tensor]:
         return self.mean_adapter(mean), self.std_adapter(torch.log(std + EPSILON))
 
     def trace(self, observation: Tensor) -> dict[str, Tensor]:

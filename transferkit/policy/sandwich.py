@@ -16,6 +16,7 @@ from transferkit.policy.match import explain
 if TYPE_CHECKING:
     from transferkit.config import WrapConfig
     from transferkit.nn import PolicyNet
+    from transferkit.policy.composed import ComposedNet
     from transferkit.policy.core import Origin
     from transferkit.policy.match import Match
     from transferkit.spec import IOSpec
@@ -28,7 +29,7 @@ class Sandwich(Policy):
 
     def __init__(
         self,
-        core: PolicyNet,
+        core: PolicyNet | ComposedNet,
         source_normalizer: Normalizer | None,
         specs: tuple[IOSpec, IOSpec],
         config: WrapConfig,
@@ -70,9 +71,31 @@ class Sandwich(Policy):
         mean = self.output_adapter(self.output_finetune(self._tapped(self.core_input(observation))))
         if self.residual is not None:
             mean = mean + self.residual(self.normalized(observation))
-        if self.squash:
-            mean = torch.tanh(mean)
-        return mean, self.log_std.clamp(*gaussian.LOG_STD_BOUNDS).expand_as(mean)
+        return self._bounded(mean)
+
+    def features(self, observation: Tensor) -> Tensor:
+        """Compute all that the mean action is a linear map of, for another sandwich to take: also around the core."""
+        tapped = self.output_finetune(self._tapped(self.core_input(observation)))
+        if self.residual is None:
+            return tapped
+        return torch.cat((tapped, self.residual[0](self.normalized(observation))), -1)
+
+    def head(self) -> Linear:
+        """Copy the linear map from `features` to the mean action, before it is squashed."""
+        layers = [self.output_adapter] if self.residual is None else [self.output_adapter, self.residual[1]]
+        head = Linear(sum(layer.in_features for layer in layers), self.act_dim)
+        with torch.no_grad():
+            head.weight.copy_(torch.cat([layer.weight for layer in layers], 1))
+            head.bias.copy_(torch.stack([layer.bias for layer in layers]).sum(0))
+        return head
+
+    def distribution(self, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Compute mean and log-std of the action from `features`."""
+        width = self.output_adapter.in_features
+        mean = self.output_adapter(features[:, :width])
+        if self.residual is not None:
+            mean = mean + self.residual[1](features[:, width:])
+        return self._bounded(mean)
 
     def trace(self, observation: Tensor) -> dict[str, Tensor]:
         """Compute what enters the core and what is taken from it."""
@@ -86,9 +109,19 @@ class Sandwich(Policy):
         output = features if self.config.tap == "features" else [actuator.name for actuator in source.action]
         return {"core_input": [element.name for element in source.observation], "core_output": output}
 
+    def _bounded(self, mean: Tensor) -> tuple[Tensor, Tensor]:
+        if self.squash:
+            mean = torch.tanh(mean)
+        return mean, self.log_std.clamp(*gaussian.LOG_STD_BOUNDS).expand_as(mean)
+
     def _tapped(self, core_input: Tensor) -> Tensor:
         features = self.core.features(core_input)
         return features if self.config.tap == "features" else self.core.action_distribution(features)[0]
+
+    @property
+    def target(self) -> IOSpec:
+        """Meaning of the observation and the action."""
+        return self._specs[1]
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
         """Return the layers with parameters, from observation to action."""
@@ -129,13 +162,13 @@ class Sandwich(Policy):
             "adapter": self._adapter,
         }
 
-    def _residual_column(self, width: int, generator: torch.Generator | None) -> nn.Module:
+    def _residual_column(self, width: int, generator: torch.Generator | None) -> nn.Sequential:
         """Make a side network that starts at zero (progressive networks, Rusu et al. 2016)."""
         hidden = mlp(self.obs_dim, (width,), "tanh", generator, gain=math.sqrt(2))
         return nn.Sequential(hidden, Linear(width, self.act_dim))
 
 
-def _initial_log_std(core: PolicyNet, match: Match | None, act_dim: int, init_std: float) -> Tensor:
+def _initial_log_std(core: PolicyNet | ComposedNet, match: Match | None, act_dim: int, init_std: float) -> Tensor:
     """Take the configured one, and the core's own for actuators that drive what the core drove."""
     log_std = torch.full((act_dim,), math.log(init_std))
     if match is not None and core.architecture.std == "parameter":

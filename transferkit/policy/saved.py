@@ -10,17 +10,12 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import nn
 
-from transferkit.config.wrap import PAPER_WRAP, Adapter, Tap, WrapConfig
 from transferkit.errors import RunDirectoryError
 from transferkit.files import damaged_run
-from transferkit.nn import Architecture, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
-from transferkit.policy.base import ConstantPolicy, ScratchPolicy
-from transferkit.policy.match import match_for
-from transferkit.policy.paper import PaperSandwich
-from transferkit.policy.sandwich import Sandwich
-from transferkit.reading import Count, Size, typed
+from transferkit.nn import Ensemble, EnsembleArchitecture
+from transferkit.policy.blueprints import build, plan_of
+from transferkit.reading import typed
 from transferkit.run import POLICY, load_state
-from transferkit.spec import IOSpec
 from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
@@ -28,89 +23,6 @@ if TYPE_CHECKING:
 
 Component = tuple[EnsembleArchitecture, dict[str, torch.Tensor]]
 """Architecture and weights of an ensemble."""
-
-
-@dataclass(frozen=True)
-class Constant:
-    """Blueprint of a `ConstantPolicy`."""
-
-    obs_dim: Size
-    act_dim: Size
-
-    @property
-    def weights(self) -> int:
-        """Numbers in its matrices."""
-        return self.act_dim
-
-    def build(self) -> Policy:
-        """Build it with zero weights."""
-        return ConstantPolicy(self.obs_dim, self.act_dim)
-
-
-@dataclass(frozen=True)
-class Scratch:
-    """Blueprint of a `ScratchPolicy`."""
-
-    architecture: Architecture
-    normalize: bool
-
-    @property
-    def weights(self) -> int:
-        """Numbers in its matrices."""
-        return self.architecture.weights
-
-    def build(self) -> Policy:
-        """Build it with zero weights."""
-        return ScratchPolicy.create(self.architecture, None, init_std=1.0, normalize=self.normalize)
-
-
-@dataclass(frozen=True)
-class Paper:
-    """Blueprint of a `PaperSandwich`."""
-
-    core: Architecture
-    source: IOSpec
-    target: IOSpec
-
-    @property
-    def weights(self) -> int:
-        """Numbers in its matrices."""
-        return self.core.weights
-
-    def build(self) -> Policy:
-        """Build it with zero weights."""
-        return PaperSandwich(PolicyNet(self.core), (self.source, self.target), PAPER_WRAP, None)
-
-
-@dataclass(frozen=True)
-class Sandwiched(Paper):
-    """Blueprint of a `Sandwich`."""
-
-    source_normalizer: bool
-    tap: Tap
-    adapter: Adapter
-    finetune: bool
-    residual: Count
-
-    @property
-    def weights(self) -> int:
-        """Numbers in its matrices."""
-        source, target = self.source.obs_dim, self.target
-        beside = self.finetune * source**2 + self.residual * (target.obs_dim + target.act_dim)
-        return self.core.weights + beside
-
-    def build(self) -> Policy:
-        """Build it with zero weights."""
-        config = WrapConfig(
-            tap=self.tap, adapter=self.adapter, finetune=self.finetune, residual=self.residual, lr_scale={}, init_std=1.0
-        )
-        normalizer = Normalizer(self.source.obs_dim) if self.source_normalizer else None
-        specs = self.source, self.target
-        return Sandwich(PolicyNet(self.core), normalizer, specs, config, match_for(self.adapter, *specs), None)
-
-
-KINDS: dict[str, type[Constant | Scratch | Paper]] = {"constant": Constant, "scratch": Scratch, "paper": Paper}
-"""Blueprints by their `kind`; the other is `Sandwiched`."""
 
 
 @dataclass(frozen=True)
@@ -144,7 +56,7 @@ def load_policy(run_dir: str | Path) -> Policy:
     """
     saved = load_saved(run_dir)
     with damaged_run(Path(run_dir) / POLICY):
-        plan = _plan(saved.blueprint)
+        plan = plan_of(saved.blueprint)
         check_enough(saved.weights.values(), plan.weights, "its blueprint")
         policy = plan.build()
         policy.load_state_dict(saved.weights)
@@ -169,19 +81,6 @@ def load_saved(run_dir: str | Path) -> Saved:
     state = load_state(path)
     with damaged_run(path):
         return typed(state, Saved)
-
-
-def build(blueprint: Mapping[str, Any]) -> Policy:
-    """Build the policy of a blueprint with zero weights; load its state dict next.
-
-    Raises:
-        FormatError: not a blueprint of this version.
-    """
-    return _plan(blueprint).build()
-
-
-def _plan(blueprint: Mapping[str, Any]) -> Constant | Scratch | Paper:
-    return typed(blueprint, KINDS.get(str(blueprint.get("kind")), Sandwiched))
 
 
 def as_saved(policy: Policy) -> Policy:

@@ -14,7 +14,7 @@ import torch
 from numpy.typing import NDArray
 
 from transferkit.config.checks import EPISODES, Seed, check_kind, check_value
-from transferkit.envs import derive_spec, dims, open_simulation, opened, rollout
+from transferkit.envs import derive_spec, open_simulation, opened, rollout
 from transferkit.errors import RecordingError, TransferkitError
 from transferkit.record.format import SCENE_HZ, Names, about
 from transferkit.record.scene import Transforms, scene
@@ -82,7 +82,6 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
             raise RecordingError(
                 f"{spec.env_id} is not a MuJoCo environment, whose state could be recorded", remedy="record another {env}"
             )
-        subject.policy.check_fits(dims(env), spec.env_id)
         with Recorder(Path(path), about(spec, **more), names, spec.time_step or 1.0) as recorder:
             tape = _Tape(recorder, subject, simulation, Streams(seed))
             for step in rollout(subject.policy, [env], tape.seed_of, episodes=episodes, on_reset=tape.begin):

@@ -1,7 +1,8 @@
 """The run directory: what a training run writes, so that a kill at any moment leaves it readable and resumable."""
 
+from transferkit.run.continuation import finished_result
 from transferkit.run.directory import CHECKPOINT, POLICY, RunDirectory, check_same, read_beside, read_record
-from transferkit.run.result import RECORD, RESULT, Beside, Record, Result
+from transferkit.run.result import RECORD, RESULT, Beside, Earlier, Record, Result
 from transferkit.run.session import Report, Schedule, Scores, Session
 from transferkit.run.state_file import check_alike, load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES, EpisodeRow, EvaluationRow, ModelRow, Row, read_table
@@ -14,6 +15,7 @@ __all__ = [
     "RESULT",
     "TABLES",
     "Beside",
+    "Earlier",
     "EpisodeRow",
     "EvaluationRow",
     "ModelRow",
@@ -27,6 +29,7 @@ __all__ = [
     "Session",
     "check_alike",
     "check_same",
+    "finished_result",
     "load_state",
     "read_beside",
     "read_record",

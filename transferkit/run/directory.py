@@ -16,15 +16,24 @@ from typing import TYPE_CHECKING, Any, TextIO
 from transferkit.errors import RunDirectoryError, RunInUseError
 from transferkit.files import damaged_run, read_json, write_json, writing
 from transferkit.reading import Count, FormatError, typed
-from transferkit.run.result import RECORD, RESULT, Beside, Record, Result
+from transferkit.run.continuation import (
+    CHECKPOINT,
+    continue_run,
+    earlier_results,
+    finished_result,
+    recorded_limits,
+)
+from transferkit.run.result import RECORD, RESULT, Beside, Record
 from transferkit.run.state_file import load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES
 from transferkit.versions import command, git_state, versions
 
 if TYPE_CHECKING:
+    from transferkit.budget import Budget
+    from transferkit.run.result import Earlier, Result
     from transferkit.run.tables import Row
 
-CHECKPOINT, POLICY = "checkpoint.safetensors", "policy.safetensors"
+POLICY = "policy.safetensors"
 LOCK = ".lock"
 LEFTOVERS = (LOCK, RECORD + ".tmp")
 """Files that a start leaves behind if it is killed before it wrote its record."""
@@ -69,25 +78,20 @@ class RunDirectory:
         return run
 
     @classmethod
-    def resume(cls, path: Path) -> tuple[RunDirectory, dict[str, Any] | None]:
+    def resume(cls, path: Path, budget: Budget | None = None) -> tuple[RunDirectory, dict[str, Any] | None]:
         """Take up a run; returns it with the state of its last checkpoint, or None if there is none or the run is finished.
 
+        A finished run goes on from its end if the budget is more than it has spent.
+
         Raises:
-            RunDirectoryError: no run is there, or another process is writing it.
+            RunDirectoryError: no run is there, another process is writing it, or the budget is neither its own nor more.
         """
         run = cls(path)
-        if run.result is not None:
-            return run, None  # finished: its tables stay as they are
-        state = load_state(path / CHECKPOINT) if (path / CHECKPOINT).exists() else None
-        lengths = {} if state is None else run._lengths(state)
-        for kind in TABLES:
-            if kind.file(path).exists():
-                with writing(path):
-                    os.truncate(kind.file(path), lengths.get(kind.table, 0))
-                run._open(kind)
-            elif kind in ALWAYS:  # the start was killed right after it wrote the record
-                run._open(kind)
-        return run, state
+        try:
+            return run, run._take_up(budget)
+        except BaseException:
+            run.close()
+            raise
 
     def append(self, row: Row) -> None:
         """Add one row to its table."""
@@ -121,7 +125,12 @@ class RunDirectory:
     @property
     def result(self) -> Result | None:
         """The result of a finished run."""
-        return read_json(self.path / RESULT, Result) if (self.path / RESULT).exists() else None
+        return finished_result(self.path)
+
+    @property
+    def earlier(self) -> tuple[Earlier, ...]:
+        """What the run came to each time before it was given more budget."""
+        return earlier_results(self.path)
 
     def close(self) -> None:
         """Release the directory."""
@@ -134,6 +143,29 @@ class RunDirectory:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
+
+    def _take_up(self, budget: Budget | None) -> dict[str, Any] | None:
+        limits, own = budget and budget.limits(), recorded_limits(self.path)
+        if self.result is not None:
+            if budget is None or limits == own:
+                return None  # finished: its tables stay as they are
+            continue_run(self.path, self.result, budget)
+        elif limits is not None:
+            check_same(self.path, own, limits)
+        with writing(self.path / RESULT):
+            (self.path / RESULT).unlink(missing_ok=True)  # of before the run was given more budget; the record has it
+        state = load_state(self.path / CHECKPOINT) if (self.path / CHECKPOINT).exists() else None
+        self._cut_tables({} if state is None else self._lengths(state))
+        return state
+
+    def _cut_tables(self, lengths: Mapping[str, int]) -> None:
+        for kind in TABLES:
+            if kind.file(self.path).exists():
+                with writing(self.path):
+                    os.truncate(kind.file(self.path), lengths.get(kind.table, 0))
+                self._open(kind)
+            elif kind in ALWAYS:  # the start was killed right after it wrote the record
+                self._open(kind)
 
     def _check_regular(self) -> None:
         """Refuse links, pipes and devices, which a folder from a stranger may have in place of files that are written."""

@@ -6,7 +6,38 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from transferkit.spec import IOSpec
+
+from transferkit.reading import Count
+
 RECORD, RESULT = "run.json", "result.json"
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """What a run had spent and scored when it was finished, before it was given more budget."""
+
+    episodes: Count
+    steps: Count
+    seconds: float
+    eval_return_mean: float
+    eval_return_std: float
+    eval_return_low: float
+    eval_return_high: float
+    eval_episodes: Count
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """What a finished run goes on with."""
+
+    budget: dict[str, int | float]
+    """The new limits by kind; what was spent before counts."""
+    after: Earlier
+    """Where it goes on from."""
+    versions: dict[str, str]
+    git: dict[str, Any] | None = None
+    command: str = ""
 
 
 @dataclass(frozen=True)
@@ -18,6 +49,8 @@ class Record:
     versions: dict[str, str]
     git: dict[str, Any] | None = None
     command: str = ""
+    continuations: tuple[Continuation, ...] = ()
+    """Each time that it was finished and given more budget, in order."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +70,8 @@ class Beside:
     """The policy's blueprint."""
     core_digest: str | None = None
     recordings: tuple[Recording, ...] = ()
+    spec: IOSpec | None = None
+    """What the environment's numbers mean, where no id makes it again."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +100,8 @@ class Result:
     run_dir: str
     prior_steps: int = 0
     """Steps of recordings that training started with; in no other count."""
+    earlier: tuple[Earlier, ...] = ()
+    """What it had spent and scored each time before it was given more budget; all other fields are of the whole run."""
 
 
 @dataclass(frozen=True)

@@ -75,7 +75,10 @@ def run_loop(trainer: Trainer, envs: VectorEnv, session: Session, checkpoint: Ma
 def train_and_evaluate(
     trainer: Trainer, envs: VectorEnv, session: Session, checkpoint: Mapping[str, Any] | None = None
 ) -> Scores:
-    """Run the loop within its session, with an evaluation after it and, if some are due during training, before it."""
+    """Run the loop within its session, with an evaluation after it and, if some are due during training, before it.
+
+    The state after the last evaluation is kept: a finished run goes on from it if it is given more budget.
+    """
     if checkpoint is not None:
         with damaged_run(session.directory.path / CHECKPOINT):
             checkpoint = migrated_checkpoint(checkpoint)
@@ -84,7 +87,9 @@ def train_and_evaluate(
         if checkpoint is None and session.schedule.eval_every:
             session.evaluate()  # before any training: the jumpstart
         run_loop(trainer, envs, session, checkpoint)
-        return session.evaluate()
+        scores = session.evaluate()
+        session.checkpoint({"trainer": trainer.state(), "envs": envs.state()})
+        return scores
 
 
 def migrated_checkpoint(checkpoint: Mapping[str, Any]) -> dict[str, Any]:

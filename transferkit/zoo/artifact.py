@@ -16,11 +16,13 @@ from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
 from transferkit.policy.core import Core
 from transferkit.reading import FormatError, read_bytes, typed
+from transferkit.run import RECORD
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough, parse_tensors
 from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
-from transferkit.zoo.catalog import find_core
+from transferkit.zoo.catalog import core_folders, find_core
 from transferkit.zoo.readme import render
+from transferkit.zoo.run_core import core_of_run
 
 if TYPE_CHECKING:
     from transferkit.zoo.card import Card
@@ -36,13 +38,23 @@ PROBE_TOLERANCE = 1e-5
 """Between machines; matrix products differ in the last bits."""
 
 
-def load_core(name: str | Path) -> Core:
-    """Load a core by id or folder, after its hashes, schema, shapes and numbers are checked.
+def load_core(name: str | Path, *, env: str | None = None) -> Core:
+    """Load a core by id or folder, after its hashes, schema, shapes and numbers are checked, or take a finished run as one.
+
+    Args:
+        name: an id, the folder of a core, or the directory of a finished run.
+        env: an environment of yours, such as `module:MyEnv-v0`; only what you name may import a module for a run's record.
 
     Raises:
         UnknownNameError: there is no such core.
         ArtifactError: it is damaged, tampered with, or newer than this transferkit.
+        RunDirectoryError: a run that is unfinished, damaged, or cannot be a core.
     """
+    own = Path(name)
+    if str(name) not in core_folders() and own.is_dir() and not (own / CARD).exists():
+        if (own / RECORD).exists():
+            return core_of_run(own, env)
+        raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")
     folder = find_core(name)
     card = read_card(folder)
     check_files(card)

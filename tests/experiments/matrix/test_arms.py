@@ -5,8 +5,8 @@ import torch
 
 from experiments.matrix.arms import ARMS, PROBE_STEPS, WITHOUT_CORE, count_parameters
 from transferkit.config import TrainConfig
+from transferkit.policy.blueprints import build
 from transferkit.policy.health import play
-from transferkit.policy.saved import build
 from transferkit.streams import Streams
 
 CONFIG = TrainConfig("InvertedDoublePendulum-v5", core="made-up", seed=3)

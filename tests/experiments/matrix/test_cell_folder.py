@@ -1,6 +1,7 @@
 import itertools
 import json
 import shutil
+from dataclasses import replace
 
 import pytest
 
@@ -8,6 +9,7 @@ from experiments.matrix.cell_folder import CELLS, SET_ASIDE, pack, read_cell, un
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import collect, read_results
 from experiments.matrix.runner import damages, run_cell
+from transferkit import run_training
 from transferkit.errors import RunDirectoryError
 
 
@@ -110,3 +112,14 @@ def test_a_cell_travels_as_its_files(results, tmp_path):
     assert [*files][-1] == "speed.json"  # what makes it finished comes last
     unpack(tmp_path / where.name, files)
     assert repr(read_cell(tmp_path / where.name)) == repr(read_cell(where))
+
+
+def test_a_run_that_was_given_more_budget_is_read_with_all_that_it_spent(results, tmp_path):
+    cell = next(cell for cell in load_cells(results / "grid.toml") if cell.arm == "scratch")
+    where = shutil.copytree(results / CELLS / cell.id, tmp_path / CELLS / cell.id)
+    before = read_cell(where)
+    longer = replace(cell.config, episodes=None, seconds=None, steps=before.steps + 100)
+    result = run_training(longer, out=where / "run", resume=True)
+    row = read_cell(where)
+    assert (row.steps, row.episodes, row.eval_return_mean) == (before.steps + 100, result.episodes, result.eval_return_mean)
+    assert (row.budget_steps, row.budget_episodes) == (before.budget_steps, before.budget_episodes)

@@ -53,14 +53,16 @@ class DynaTrainer:
         discount = dyna.discount(spec.time_step)
         networks = policy.to(device), critic.to(device), model.to(device)
         self.agent = Agent(*networks, dyna, config.model, streams, device, discount=discount)
+        self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))
 
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
         """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""
         agent = self.agent
-        if session.spent.steps % LOG_EVERY == 0:
+        if self._taken_up or session.spent.steps % LOG_EVERY == 0:
             agent.set_progress(session.progress, session.step_progress)
+            self._taken_up = False
         step = envs.step(action := agent.explore(observation), session.count)
         agent.observe(observation, action, step)
         if session.spent.steps % EVERY == 0 and agent.fitted and agent.needs_model:
