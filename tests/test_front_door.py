@@ -30,7 +30,10 @@ def policy():
             "policy is of type str and not Policy; make one with wrap",
         ),
         (lambda p: train(p, IP, 20), "budget is of type int and not Budget; give one"),
-        (lambda p: train(p, Counter(5), Budget(steps=9)), "env is of type Counter; give an id, or a function"),
+        (
+            lambda p: train(p, 5, Budget(steps=9)),
+            "env is of type int; give an id, an environment of Gymnasium or dm_control, or",
+        ),
         (lambda p: train(p, IP, Budget(steps=9), settings=PPOConfig()), "settings is of type PPOConfig and not Mapping"),
         (lambda p: train(p, IP, Budget(steps=9), settings={"wrap.residual": 0}), "wrap.residual has no effect on a policy"),
         (lambda p: train(p, IP, Budget(steps=9), settings={"network.std": "head"}), "network.std has no effect on a policy"),

@@ -60,7 +60,7 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
         raise UnknownNameError("run or core", name, error.known, topic=error.topic) from None
     about = {"core": core.id, "core_digest": core.digest, "member": member}
     if env is None or env == core.spec.env_id:
-        home = id_from_file(core.spec.env_id, core.id, env)
+        home = id_from_file(core.spec.env_id, core.id, core.spec.env_id if env else None)
         value = core.critic(member).value if "critic" in core.ensembles else None
         rules = TrainConfig.from_json(find_card(name).config).env_config
         return Subject(core.policy(member), home, value, **asdict(rules), about=about)

@@ -66,7 +66,9 @@ class Variation:
                 raise UnknownNameError("variation", what, NAMES, topic="variations")
             values = value if isinstance(value, Mapping) else {part: value}
             tables.setdefault(what, {}).update(values)
-        single = {name: tables.pop(name)[""] for name in ("delay", "drop_observation", "dead_actuator") if "" in tables.get(name, {})}
+        single = {
+            name: tables.pop(name)[""] for name in ("delay", "drop_observation", "dead_actuator") if "" in tables.get(name, {})
+        }
         for name in ("delay", "drop_observation", "dead_actuator", "gravity"):
             if set(tables.get(name, ())) - ({""} if name == "gravity" else set()):
                 raise ConfigError(f"{name} is one for the whole environment", remedy=f"give {name}=VALUE", topic="variations")
@@ -90,7 +92,11 @@ class Variation:
     def written(self) -> dict[str, Any]:
         """Names and JSON values that `read` takes."""
         tables = {**self.factors, "noise": self.noise}
-        flat = {f"{name}.{part}" if part else name: _plain(amount) for name, table in tables.items() for part, amount in table.items()}
+        flat = {
+            f"{name}.{part}" if part else name: _plain(amount)
+            for name, table in tables.items()
+            for part, amount in table.items()
+        }
         lists = {"drop_observation": list(self.drop_observation), "dead_actuator": list(self.dead_actuator)}
         delay = {"delay": [int(end) for end in self.delay] if self.delay[0] < self.delay[1] else int(self.delay[0])}
         return flat | {name: value for name, value in (delay | lists).items() if value}
@@ -110,22 +116,24 @@ def _plain(amount: Amount) -> float | list[float]:
     return amount[0] if amount[0] == amount[1] else list(amount)
 
 
-def _amount(name: str, value: object, least: float, most: float) -> Amount:
+def _amount(name: str, value: Any, least: float, most: float) -> Amount:  # noqa: ANN401 - JSON
     ends = list(value) if isinstance(value, list | tuple) else [value, value]
-    fits = len(ends) == 2 and all(_is_number(end) and least <= end <= most for end in ends) and ends[0] <= ends[1]  # noqa: PLR2004
+    fits = len(ends) == 2 and all(_is_number(end) and least <= end <= most for end in ends) and ends[0] <= ends[1]
     if not fits:
-        raise ConfigError(f"variation {name}", value=value, allowed=f"a number or a range, {least:g} to {most:g}", topic="variations")
+        raise ConfigError(
+            f"variation {name}", value=value, allowed=f"a number or a range, {least:g} to {most:g}", topic="variations"
+        )
     return float(ends[0]), float(ends[1])
 
 
-def _delay(value: object) -> Amount:
+def _delay(value: Any) -> Amount:  # noqa: ANN401 - JSON
     amount = _amount("delay", value, 0, MOST_DELAY)
     if any(end != int(end) for end in amount):
         raise ConfigError("variation delay", value=value, allowed="whole control steps", topic="variations")
     return amount
 
 
-def _places(name: str, value: object) -> tuple[Place, ...]:
+def _places(name: str, value: Any) -> tuple[Place, ...]:  # noqa: ANN401 - JSON
     places = value.split(",") if isinstance(value, str) else list(value) if isinstance(value, list | tuple) else [value]
     places = [int(place) if isinstance(place, str) and place.isdecimal() else place for place in places]
     if not all(isinstance(place, str | int) and not isinstance(place, bool) for place in places):

@@ -18,7 +18,8 @@ def main(arguments: Sequence[str]) -> Answer:
     flags = parser("export", "Write a run's policy or a core as one ONNX file, or recordings as a local Minari dataset.")
     flags.add_argument("names", nargs="+", metavar="RUN|CORE|FILE.mcap", help="one policy, or recordings with --minari")
     add_environment(
-        flags, "environment of the policy; a core or a run is wrapped onto another than its own; with --minari, the recordings' own"
+        flags,
+        "environment of the policy; a core or a run is wrapped onto another than its own; with --minari, the recordings' own",
     )
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     target = flags.add_mutually_exclusive_group(required=True)

@@ -35,8 +35,8 @@ class Contract(gymnasium.Wrapper):
         assert isinstance(observations, Box)
         self.action_space = Box(-1.0, 1.0, actions.shape, np.float32)
         self.observation_space = Box(-np.inf, np.inf, observations.shape, np.float32)
-        low, high = actions.low.astype(np.float64), actions.high.astype(np.float64)
-        self._centre, self._half_range = (low + high) / 2, (high - low) / 2
+        self.low, self.high = actions.low.astype(np.float64), actions.high.astype(np.float64)
+        self._centre, self._half_range = (self.low + self.high) / 2, (self.high - self.low) / 2
         self.clip, self._limit = clip, 1.0 if clip else np.inf
         self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
         self._given_up = max_episode_steps is None

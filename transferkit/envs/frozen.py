@@ -14,12 +14,13 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs.memento import Pin, generators
+from transferkit.envs.memento import generators
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
     from types import TracebackType
 
+    from transferkit.envs.memento import Pin
     from transferkit.envs.simulation import Simulation
 
 MOMENT = 1e-13

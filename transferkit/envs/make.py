@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -25,10 +25,13 @@ from numpy.typing import NDArray
 from transferkit.env_id import EnvId
 from transferkit.envs.contract import Contract, dims, failed
 from transferkit.envs.vary import Varied
-from transferkit.envs.written import EnvLike, is_written, name_of, written
+from transferkit.envs.written import is_written, name_of, written
 from transferkit.errors import EnvironmentContractError, TransferkitError, UnknownNameError
 from transferkit.renderer import choose_renderer
 from transferkit.variation import Variation
+
+if TYPE_CHECKING:
+    from transferkit.envs.written import EnvLike
 
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 
@@ -268,7 +271,7 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
     if given.variation:
         plain = str(replace(given, variation={}))
         return Varied(_from_id(plain, render_mode), dict(given.variation), lambda: _from_id(plain, None))
-    kwargs = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
+    kwargs: dict[str, Any] = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
     _check_files(text, kwargs)
     if given.id.startswith(DM_CONTROL_PREFIX):
         return _from_suite(text, given.id, kwargs)
@@ -293,7 +296,7 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
         raise failed(text, "making it", error) from error
 
 
-def _function_in(module: str, name: str) -> Callable[..., gymnasium.Env] | None:
+def _function_in(module: str, name: str) -> Callable[..., Any] | None:
     """The function of this name in a module that the user named, which may lie in the working directory."""
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())

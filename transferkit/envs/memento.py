@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import pickle
 import random
 import types
@@ -13,6 +14,8 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+
+from transferkit.envs.simulation import attributes
 
 DEPTH = 6
 """How far below an environment its generators are looked for."""
@@ -57,7 +60,7 @@ def generators(env: gymnasium.Env) -> list[Pin]:
 
 @contextmanager
 def undisturbed(env: gymnasium.Env) -> Iterator[None]:
-    """Keep the numbers that an environment's wrappers hold (a history, statistics, counters), and stop what learns meanwhile."""
+    """Keep what an environment's wrappers hold (a history, statistics, counters), and stop what learns meanwhile."""
     wrappers = [one for one in _chain(env) if isinstance(one, gymnasium.Wrapper)]
     kept = [_attribute(one, name, value) for one in wrappers for name, value in vars(one).items() if _is_plain(value)]
     for wrapper in wrappers:
@@ -77,7 +80,7 @@ def learning_wrappers(env: gymnasium.Env) -> list[str]:
     ]
 
 
-def _attribute(holder: object, name: str, value: object) -> Restore:
+def _attribute(holder: object, name: str, value: Any) -> Restore:  # noqa: ANN401 - plain
     saved = copy.deepcopy(value)
     if isinstance(value, np.ndarray):
         return lambda: np.copyto(value, saved)  # it may be a view of something else
@@ -113,9 +116,12 @@ def _reached(level: list[object]) -> Iterator[object]:
 
 def _parts(value: Any) -> Iterator[object]:  # noqa: ANN401 - any object
     """What an object holds: attributes, items, and what a function or a method is bound to."""
-    yield from getattr(value, "__dict__", {}).values()
-    yield from (getattr(value, name, None) for name in ("__self__", "__func__", "func"))
-    if isinstance(value, dict):
+    yield from attributes(value).values()
+    if isinstance(value, types.MethodType):
+        yield from (value.__self__, value.__func__)
+    elif isinstance(value, functools.partial):
+        yield from (value.func, *value.args, *value.keywords.values())
+    elif isinstance(value, dict):
         yield from value.values()
     elif isinstance(value, list | tuple | deque | set) and len(value) < 1000:
         yield from value

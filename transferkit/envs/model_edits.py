@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.errors import ConfigError, UnknownNameError
 from transferkit.physics import mujoco
-from transferkit.variation import FACTORS, Place
+from transferkit.variation import FACTORS
+
+if TYPE_CHECKING:
+    from transferkit.variation import Place
 
 Geom = mujoco.mjtGeom
 ROUND, LONG = (Geom.mjGEOM_SPHERE, Geom.mjGEOM_PLANE), (Geom.mjGEOM_CAPSULE, Geom.mjGEOM_CYLINDER)

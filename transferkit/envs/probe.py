@@ -28,7 +28,7 @@ from transferkit.envs.labels import labels
 from transferkit.envs.make import opened, recorded
 from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
-from transferkit.envs.written import EnvLike, name_of
+from transferkit.envs.written import name_of
 from transferkit.errors import TransferkitError
 from transferkit.spec import Element, IOSpec
 from transferkit.versions import versions
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from transferkit.envs.simulation import Simulation
+    from transferkit.envs.written import EnvLike
     from transferkit.spec import Actuator, Joint
 
 LOGGER = logging.getLogger("transferkit")
@@ -89,13 +90,12 @@ def _derive(env: EnvLike) -> IOSpec:
 
 def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
     assert isinstance(made, Contract)
-    low, high, obs_dim = made.env.action_space.low, made.env.action_space.high, dims(made)[0]  # below the scaling of actions
     simulation = open_simulation(made)
     pace = _pace(made, simulation)
     if not pace:
         LOGGER.warning("%s has no `dt`, and no simulated time passes in its steps: how long they are is not known", env_id)
     if simulation is None:
-        backend, joints, actuators = "other", [], unknown_actuators(low, high)
+        backend, joints, actuators = "other", [], unknown_actuators(made.low, made.high)
         elements = _unknown(labels(made.env))
     else:
         backend, joints = simulation.backend, read_joints(simulation.model)
@@ -114,26 +114,26 @@ def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
 
 def _probed(made: Contract, simulation: Simulation, joints: list[Joint]) -> tuple[list[Element], list[Actuator]]:
     """Elements and actuators; what cannot be probed is unknown, and why is said."""
-    (obs_dim, act_dim), actions, names = dims(made), made.env.action_space, labels(made.env)
+    (obs_dim, act_dim), names = dims(made), labels(made.env)
     try:
         elusive = _elusive(made)
         made.reset(seed=0)
         with Frozen(made, simulation) as frozen:
             prober = Prober(frozen, simulation, obs_dim, act_dim)
-            actuators = read_actuators(actions.low, actions.high, prober.responses(), simulation.model, joints)
+            actuators = read_actuators(made.low, made.high, prober.responses(), simulation.model, joints)
             forms = Forms(
                 dict(enumerate(joints)),
                 prober.evidence(),
                 prober.samples(),
                 partial(height_name, simulation.model),
                 [actuator.name for actuator in actuators],
-                (actions.high - actions.low) / 2,
+                (made.high - made.low) / 2,
                 elusive,
             )
         return _unique([forms.element(i, names[i]) for i in range(obs_dim)]), actuators
     except (ElusiveError, TransferkitError) as error:
         LOGGER.warning("what %s observes is not known: %s", name_of(made), error)
-        return _unknown(names), unknown_actuators(actions.low, actions.high)
+        return _unknown(names), unknown_actuators(made.low, made.high)
 
 
 def _elusive(made: gymnasium.Env) -> NDArray[np.bool_]:

@@ -55,10 +55,10 @@ def open_simulation(env: gymnasium.Env) -> Simulation | None:
 
 
 def _pair(holder: Any) -> Any:  # noqa: ANN401 - a model and data, or None
-    own = getattr(holder, "__dict__", {})
+    own = attributes(holder)
     if isinstance(own.get("model"), mujoco.MjModel) and isinstance(own.get("data"), mujoco.MjData):
         return own["model"], own["data"]
-    physics = own.get("physics") or (holder.physics if hasattr(type(holder), "physics") else None)
+    physics: Any = own.get("physics") or (holder.physics if hasattr(type(holder), "physics") else None)
     if _is_physics(physics):
         return physics.model.ptr, physics.data.ptr
     found = [
@@ -74,11 +74,13 @@ def _is_physics(value: object) -> bool:
 
 def _parts(holder: object) -> Iterator[Any]:
     """The objects that an object has as attributes."""
-    return (
-        value
-        for value in getattr(holder, "__dict__", {}).values()
-        if hasattr(value, "__dict__") and not isinstance(value, type)
-    )
+    return (value for value in attributes(holder).values() if attributes(value) and not isinstance(value, type))
+
+
+def attributes(holder: object) -> dict[str, Any]:
+    """What an object has of its own; nothing if it answers for its attributes itself."""
+    own = getattr(holder, "__dict__", None)
+    return own if isinstance(own, dict) else {}
 
 
 def model_bytes(env: gymnasium.Env) -> bytes:

@@ -32,9 +32,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
     The draws of an episode follow from the seed of its reset alone.
     """
 
-    def __init__(
-        self, env: gymnasium.Env, variation: dict[str, Any], again: Callable[[], gymnasium.Env] | None = None
-    ) -> None:
+    def __init__(self, env: gymnasium.Env, variation: dict[str, Any], again: Callable[[], gymnasium.Env] | None = None) -> None:
         """Take the environment, what `Variation.read` takes, and what makes the environment again; by default its `spec`.
 
         Raises:
@@ -48,7 +46,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         self._model = _Model(env, again) if changes_model else None
         self._names = _names(env) if self._by_name else []
         size = _size(env)
-        self._kept = np.delete(np.arange(size), [self._index(place) for place in self.variation.drop_observation])
+        dropped = [self._index(place) for place in self.variation.drop_observation]
+        self._kept = np.array([i for i in range(size) if i not in dropped], int)
         self.observation_space = Box(-np.inf, np.inf, (len(self._kept),), np.float64)
         assert isinstance(env.action_space, Box)
         self._idle = np.clip(np.zeros(env.action_space.shape), env.action_space.low, env.action_space.high)
@@ -66,7 +65,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
 
     def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float64], Any, bool, bool, dict[str, Any]]:
         """Take the action that is due, and observe with noise."""
-        self._late.append(np.array(action))
+        self._late.append(np.asarray(action, np.float64))
         observation, reward, terminated, truncated, info = self.env.step(self._late.popleft())
         return self._observed(observation), reward, terminated, truncated, info
 
@@ -85,8 +84,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         for name, amount in self.variation.noise.items():
             self._deviation[self._index(name) if name else slice(None)] = draw(amount, self._rng)
 
-    def _observed(self, observation: NDArray[np.floating]) -> NDArray[np.float64]:
-        observation = np.asarray(observation, np.float64)
+    def _observed(self, raw: NDArray[np.floating]) -> NDArray[np.float64]:
+        observation = np.asarray(raw, np.float64)
         if self._deviation.any():
             observation = observation + self._rng.normal(size=observation.shape) * self._deviation
         return observation[self._kept]
@@ -136,7 +135,9 @@ class _Model:
         for name, different in self.changed.items():
             live, base, new = (getattr(one, name) for one in (self._live, self._base, model))
             if not np.array_equal(live[different], base[different]):
-                raise ConfigError(f"{name} of the model is changed after it is loaded, so it cannot be varied", topic="variations")
+                raise ConfigError(
+                    f"{name} of the model is changed after it is loaded, so it cannot be varied", topic="variations"
+                )
             live[different] = new[different]
         self._live.opt.gravity[:] = model.opt.gravity
         self._live.stat.meaninertia = model.stat.meaninertia
@@ -165,7 +166,9 @@ def _array_names() -> list[str]:
 def _source(env: gymnasium.Env, again: Callable[[], gymnasium.Env] | None) -> mujoco.MjSpec:
     """What the model of an environment is compiled from: the environment is made again, and what it reads is read."""
     if again is None and env.spec is None:
-        raise ConfigError(f"{env} has no id to make it again", remedy="give `vary` a function that makes it", topic="variations")
+        raise ConfigError(
+            f"{env} has no id to make it again", remedy="give `vary` a function that makes it", topic="variations"
+        )
     with _loading() as sources:
         try:
             (again or (lambda: gymnasium.make(env.spec))).__call__().close()  # pyright: ignore[reportArgumentType]

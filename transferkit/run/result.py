@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from transferkit.spec import IOSpec
-
 from transferkit.reading import Count
+from transferkit.spec import IOSpec
 
 RECORD, RESULT = "run.json", "result.json"
 

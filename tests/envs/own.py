@@ -1,0 +1,208 @@
+"""What users bring: their own models in their own environments, and stacks of wrappers."""
+
+import gymnasium
+import mujoco
+import numpy as np
+from gymnasium.envs.mujoco import MujocoEnv
+from gymnasium.spaces import Box, Dict
+from gymnasium.wrappers import (
+    Autoreset,
+    DelayObservation,
+    FilterObservation,
+    FlattenObservation,
+    FrameStackObservation,
+    NormalizeObservation,
+    RescaleAction,
+    TimeAwareObservation,
+    TransformObservation,
+)
+
+PENDULUM = "InvertedPendulum-v5"
+
+ARM = """
+<mujoco><worldbody>
+  <body><joint name="lift" type="slide" axis="0 0 1"/><geom size=".1"/>
+    <body><joint name="turn" axis="0 1 0" damping=".1"/><geom type="capsule" fromto="0 0 0 0 0 -.5" size=".05"/></body></body>
+</worldbody>{}</mujoco>"""
+
+MODELS = {
+    "motors": ARM.format('<actuator><motor joint="lift" ctrlrange="-2 3"/><motor joint="turn" ctrlrange="-1 1"/></actuator>'),
+    "two motors on one joint": ARM.format(
+        '<actuator><motor joint="turn" ctrlrange="-1 1"/><motor joint="turn" gear="-3" ctrlrange="-1 1"/></actuator>'
+    ),
+    "position": ARM.format(
+        '<actuator><position joint="lift" kp="50" ctrlrange="-1 1"/><velocity joint="turn" kv="2" ctrlrange="-4 4"/></actuator>'
+    ),
+    "filtered": ARM.format(
+        '<actuator><general joint="turn" dyntype="filter" dynprm=".1" gainprm="7" ctrlrange="-1 1"/></actuator>'
+    ),
+    "tendon": ARM.format(
+        '<tendon><fixed name="both"><joint joint="lift" coef="1"/><joint joint="turn" coef=".5"/></fixed></tendon>'
+        '<actuator><motor tendon="both" ctrlrange="-1 1"/></actuator>'
+    ),
+    "muscle": ARM.format('<actuator><muscle joint="turn" ctrlrange="0 1" lengthrange=".1 1"/></actuator>'),
+    "ball": """<mujoco><worldbody><body><joint name="hip" type="ball"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".05"/>
+        <body pos="0 0 -.4"><joint name="knee" axis="1 0 0"/><geom type="capsule" fromto="0 0 0 0 0 -.4" size=".04"/></body>
+        </body></worldbody><actuator><motor joint="knee" ctrlrange="-1 1"/></actuator></mujoco>""",
+    "drone": """<mujoco><option gravity="0 0 -1"/><worldbody><body pos="0 0 1"><freejoint/><geom type="box" size=".1 .1 .02"/>
+        <site name="a" pos=".1 0 0"/><site name="b" pos="-.1 0 0"/></body></worldbody><actuator>
+        <motor site="a" gear="0 0 1 0 0 0" ctrlrange="0 4"/><motor site="b" gear="0 0 1 0 0 0" ctrlrange="0 4"/></actuator></mujoco>""",
+    "contacts": """<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .4"><joint name="z" type="slide" axis="0 0 1"/>
+        <geom size=".1"/><body><joint name="leg" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 -.3" size=".04"/></body></body>
+        </worldbody><actuator><motor joint="leg" gear="5" ctrlrange="-1 1"/></actuator></mujoco>""",
+}
+
+
+class Plain(gymnasium.Env):
+    """A `gymnasium.Env` around a model and data under other names, without `dt`; its step has five physics steps."""
+
+    def __init__(self, xml, scale=1.0):
+        self.robot, self.scale = mujoco.MjModel.from_xml_string(xml), scale
+        self.state = mujoco.MjData(self.robot)
+        self.action_space = Box(*self.robot.actuator_ctrlrange.T.astype(np.float32))
+        self.observation_space = Box(-np.inf, np.inf, (self.robot.nq + self.robot.nv,))
+
+    def _observe(self):
+        return np.concatenate([self.state.qpos, self.state.qvel])
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        mujoco.mj_resetData(self.robot, self.state)
+        self.state.qvel[:] = self.np_random.uniform(-0.1, 0.1, self.robot.nv)
+        return self._observe(), {}
+
+    def step(self, action):
+        self.state.ctrl[:] = self.scale * action
+        mujoco.mj_step(self.robot, self.state, 5)
+        return self._observe(), 1.0, False, False, {}
+
+
+class NeedsAnAction(MujocoEnv):
+    """A `MujocoEnv` whose `_get_obs` has an argument."""
+
+    metadata = {"render_modes": ["human", "rgb_array", "depth_array", "rgbd_tuple"], "render_fps": 50}  # noqa: RUF012
+
+    def __init__(self, path):
+        super().__init__(str(path), 10, Box(-np.inf, np.inf, (6,)))
+
+    def _get_obs(self, action):
+        return np.concatenate([self.data.qpos, self.data.qvel, action])
+
+    def reset_model(self):
+        self.set_state(self.init_qpos, self.init_qvel)
+        return self._get_obs(np.zeros(2))
+
+    def step(self, action):
+        self.do_simulation(action, self.frame_skip)
+        return self._get_obs(action), 0.0, False, False, {}
+
+
+class PreviousAction(gymnasium.Wrapper):
+    """Appends the action to the observation."""
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.observation_space = Box(-np.inf, np.inf, (env.observation_space.shape[0] + env.action_space.shape[0],))
+
+    def reset(self, **named):
+        observation, info = self.env.reset(**named)
+        return np.concatenate([observation, np.zeros(self.action_space.shape)]), info
+
+    def step(self, action):
+        observation, *rest = self.env.step(action)
+        return (np.concatenate([observation, action]), *rest)
+
+
+class Noise(gymnasium.ObservationWrapper):
+    """Adds noise from a generator of its own."""
+
+    def __init__(self, env, deviation):
+        super().__init__(env)
+        self.rng, self.deviation = np.random.default_rng(0), deviation
+
+    def observation(self, observation):
+        return observation + self.rng.normal(0, self.deviation, observation.shape)
+
+
+class UnseededNoise(gymnasium.ObservationWrapper):
+    """Adds noise that nothing can hold still."""
+
+    def observation(self, observation):
+        return observation + np.random.default_rng().normal(0, 0.002, observation.shape)
+
+
+class LowPass(gymnasium.ObservationWrapper):
+    """Mixes what is with what was."""
+
+    last = 0.0
+
+    def observation(self, observation):
+        self.last = 0.5 * self.last + 0.5 * observation
+        return self.last
+
+
+class AsDict(gymnasium.ObservationWrapper):
+    """Observes a dictionary."""
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.observation_space = Dict({"where": Box(-np.inf, np.inf, (2,)), "how fast": Box(-np.inf, np.inf, (2,))})
+
+    def observation(self, observation):
+        return {"where": observation[:2].astype(np.float32), "how fast": observation[2:].astype(np.float32)}
+
+
+class Repeat(gymnasium.Wrapper):
+    """Repeats an action."""
+
+    def step(self, action):
+        for _ in range(4):
+            answer = self.env.step(action)
+        return answer
+
+
+class Scaled(gymnasium.ActionWrapper):
+    """Scales, turns or clips an action."""
+
+    def __init__(self, env, factor=1.0, most=np.inf):
+        super().__init__(env)
+        self.factor, self.most = factor, most
+
+    def action(self, action):
+        return np.clip(self.factor * action, -self.most, self.most)
+
+
+def pendulum():
+    return gymnasium.make(PENDULUM)
+
+
+POSITIONS = ("slide_x.position", "hinge_y.position")
+VELOCITIES = ("slide_x.velocity", "hinge_y.velocity")
+WHOLE = (*POSITIONS, *VELOCITIES)
+
+
+def _old(names, age):
+    return tuple(f"{name}[t-{age}]" for name in names)
+
+
+STACKS = {
+    "frames": (lambda: FlattenObservation(FrameStackObservation(pendulum(), 3)), (*_old(WHOLE, 2), *_old(WHOLE, 1), *WHOLE)),
+    "previous action": (lambda: PreviousAction(pendulum()), (*WHOLE, "drive.slide_x.action")),
+    "frames with actions": (
+        lambda: FlattenObservation(FrameStackObservation(PreviousAction(pendulum()), 2)),
+        (*_old((*WHOLE, "drive.slide_x.action"), 1), *WHOLE, "drive.slide_x.action"),
+    ),
+    "dictionary": (lambda: FlattenObservation(AsDict(pendulum())), (*VELOCITIES, *POSITIONS)),
+    "filter": (lambda: FlattenObservation(FilterObservation(AsDict(pendulum()), ["how fast"])), VELOCITIES),
+    "normalised": (lambda: NormalizeObservation(pendulum()), WHOLE),
+    "time": (lambda: TimeAwareObservation(pendulum()), (*WHOLE, "observation[4]")),
+    "noise": (lambda: Noise(pendulum(), 0.002), WHOLE),
+    "much noise": (lambda: Noise(pendulum(), 0.2), WHOLE),
+    "noise without a seed": (lambda: UnseededNoise(pendulum()), WHOLE),
+    "delay": (lambda: DelayObservation(pendulum(), 2), _old(WHOLE, 2)),
+    "units": (lambda: TransformObservation(pendulum(), lambda row: 2 * row + 1, None), WHOLE),
+    "low pass": (lambda: LowPass(pendulum()), ("qpos[0]", "qpos[1]", "qvel[0]", "qvel[1]")),
+    "automatic reset": (lambda: Autoreset(pendulum()), WHOLE),
+    "rescaled": (lambda: RescaleAction(pendulum(), -1, 1), WHOLE),
+}
+"""Makers of wrapper stacks, and the names of the elements that come out."""
