@@ -2,7 +2,6 @@
 
 import pytest
 
-from tests.toys import Counter
 from transferkit import Budget, PPOConfig, evaluate, health, load_core, record_episodes, scratch_policy, train, wrap
 from transferkit.config import TrainConfig
 from transferkit.errors import ConfigError, SettingError, TransferkitError

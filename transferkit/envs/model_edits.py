@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -37,9 +38,15 @@ def edited(spec: mujoco.MjSpec, factors: Factors, dead: Sequence[Place]) -> mujo
     for actuator in _dead(copy, dead):
         actuator.gear = np.zeros(6)
     try:
-        return copy.compile()
+        return compiled(copy)
     except ValueError as error:
         raise ConfigError(f"the varied model does not compile: {str(error).splitlines()[0]}", topic="variations") from None
+
+
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile a model without words about what is deprecated in somebody's XML."""
+    with warnings.catch_warnings(action="ignore"):
+        return spec.compile()
 
 
 def _mass(spec: mujoco.MjSpec, part: str, factor: float) -> None:
@@ -61,7 +68,7 @@ def _mass(spec: mujoco.MjSpec, part: str, factor: float) -> None:
 
 def _length(spec: mujoco.MjSpec, part: str, factor: float) -> None:
     """Stretch bodies away from their own joint; what hangs on them moves along, and keeps its size."""
-    compiled = spec.copy().compile()
+    before = compiled(spec.copy())
     for body in _parts("length", part, spec.bodies[1:]):
         if body.explicitinertial:
             raise ConfigError(f"length of body {body.name}: its inertia is given in numbers", topic="variations")
@@ -71,7 +78,7 @@ def _length(spec: mujoco.MjSpec, part: str, factor: float) -> None:
         for site in body.sites:
             site.pos = anchor + factor * (site.pos - anchor)
         for child in body.bodies:
-            at = child.pos + _rotation(compiled, child) @ _joint_of(child)
+            at = child.pos + _rotation(before, child) @ _joint_of(child)
             child.pos = child.pos + (factor - 1) * (at - anchor)
 
 
@@ -150,7 +157,7 @@ def _joint_of(body: Any) -> NDArray[np.float64]:  # noqa: ANN401 - MjsBody
     return np.array(hinges[-1]) if hinges else np.zeros(3)
 
 
-def _rotation(compiled: mujoco.MjModel, body: Any) -> NDArray[np.float64]:  # noqa: ANN401 - MjsBody
+def _rotation(model: mujoco.MjModel, body: Any) -> NDArray[np.float64]:  # noqa: ANN401 - MjsBody
     matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, compiled.body(body.name).quat)
+    mujoco.mju_quat2Mat(matrix, model.body(body.name).quat)
     return matrix.reshape(3, 3)

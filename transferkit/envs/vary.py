@@ -16,7 +16,7 @@ from gymnasium.spaces import Box
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from transferkit.envs.model_edits import edited
+from transferkit.envs.model_edits import compiled, edited
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
 from transferkit.physics import mujoco
@@ -48,6 +48,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         size = _size(env)
         dropped = [self._index(place) for place in self.variation.drop_observation]
         self._kept = np.array([i for i in range(size) if i not in dropped], int)
+        if not len(self._kept):
+            raise ConfigError("nothing is left to observe", remedy="drop fewer elements", topic="variations")
         self.observation_space = Box(-np.inf, np.inf, (len(self._kept),), np.float64)
         assert isinstance(env.action_space, Box)
         self._idle = np.clip(np.zeros(env.action_space.shape), env.action_space.low, env.action_space.high)
@@ -109,7 +111,7 @@ class _Model:
             raise ConfigError(f"{env} is not a MuJoCo environment, whose model could be varied", topic="variations")
         self._simulation, self._live = simulation, simulation.model
         self._spec = _source(env, again)
-        self._base = self._spec.copy().compile()
+        self._base = compiled(self._spec.copy())
         self.changed: dict[str, NDArray[np.bool_]] = {}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Model:
@@ -165,13 +167,13 @@ def _array_names() -> list[str]:
 
 def _source(env: gymnasium.Env, again: Callable[[], gymnasium.Env] | None) -> mujoco.MjSpec:
     """What the model of an environment is compiled from: the environment is made again, and what it reads is read."""
-    if again is None and env.spec is None:
-        raise ConfigError(
-            f"{env} has no id to make it again", remedy="give `vary` a function that makes it", topic="variations"
-        )
+    spec = env.unwrapped.spec  # wrappers change no model
+    if again is None and spec is None:
+        raise ConfigError(f"{env} has no id to make it again", remedy="give a function that makes it", topic="variations")
     with _loading() as sources:
         try:
-            (again or (lambda: gymnasium.make(env.spec))).__call__().close()  # pyright: ignore[reportArgumentType]
+            made = again() if again is not None or spec is None else gymnasium.make(spec)  # pyright: ignore[reportOptionalCall]
+            made.close()
         except TransferkitError:
             raise
         except Exception as error:  # of somebody else's environment

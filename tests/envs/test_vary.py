@@ -1,0 +1,156 @@
+"""A changed robot is what somebody would have changed by hand, to the bit."""
+
+import copy
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+
+from envs_dmc.suite import suite
+from tests.envs.own import MODELS, Plain, PreviousAction
+from transferkit import derive_spec, make_env, vary
+from transferkit.envs import VectorEnv, recorded
+from transferkit.errors import ConfigError, UnknownNameError
+from transferkit.variation import Variation
+
+HOPPER = "Hopper-v5"
+LOADED = {name: getattr(mujoco.MjModel, name) for name in ("from_xml_path", "from_xml_string")}
+
+BY_HAND = [
+    ({"mass": 1.3}, [('condim="1" contype="1"', 'condim="1" contype="1" density="1300"')]),
+    ({"mass": {"thigh": 1.3}}, [('name="thigh_geom"', 'name="thigh_geom" density="1300"')]),
+    ({"gear": 0.5}, [('gear="200.0"', 'gear="100.0"')]),
+    ({"gear": {"leg_joint": 0.5}}, [('gear="200.0" joint="leg_joint"', 'gear="100.0" joint="leg_joint"')]),
+    ({"damping": {"foot_joint": 2}}, [('name="foot_joint"', 'name="foot_joint" damping="2"')]),
+    ({"friction": {"foot_geom": 0.5}}, [('friction="2.0"', 'friction="1.0"')]),
+    ({"gravity": 0.5}, [('timestep="0.002"', 'timestep="0.002" gravity="0 0 -4.905"')]),
+    (
+        {"length": {"thigh": 0.5}},
+        [
+            ('pos="0 0 -0.22500000000000009" name="thigh_geom" size="0.05 0.22500000000000003"',
+             'pos="0 0 -0.11250000000000004" name="thigh_geom" size="0.05 0.11250000000000002"'),
+            ('name="leg" pos="0 0 -0.70000000000000007"', 'name="leg" pos="0 0 -0.47500000000000003"'),
+        ],
+    ),
+    ({"dead_actuator": [1]}, [('gear="200.0" joint="leg_joint"', 'gear="0" joint="leg_joint"')]),
+]  # fmt: skip
+
+
+def played(env, seed=0, steps=100):
+    rows = [env.reset(seed=seed)[0]]
+    for action in np.random.default_rng(0).uniform(-1, 1, (steps, *env.action_space.shape)):
+        observation, reward, *_ = env.step(action)
+        rows.append(np.append(observation, reward)[:-1])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize(("changes", "replacements"), BY_HAND, ids=[str(changes) for changes, _ in BY_HAND])
+def test_the_physics_is_that_of_an_xml_changed_by_hand(changes, replacements, tmp_path):
+    text = gymnasium.make(HOPPER).unwrapped.fullpath
+    with open(text) as file:
+        text = file.read()
+    for old, new in replacements:
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "hand.xml").write_text(text)
+    by_hand = played(gymnasium.make(HOPPER, xml_file=str(tmp_path / "hand.xml")))
+    for env in (
+        vary(HOPPER, **changes),
+        vary(gymnasium.make(HOPPER), **changes),
+        vary(lambda: gymnasium.make(HOPPER), **changes),
+    ):
+        np.testing.assert_allclose(played(env), by_hand, rtol=0, atol=1e-12)
+    assert not np.array_equal(by_hand, played(gymnasium.make(HOPPER)))
+    assert {name: getattr(mujoco.MjModel, name) for name in LOADED} == LOADED  # nothing stays patched
+
+
+def test_both_backends_and_functions():
+    heavy, light = (derive_spec(vary("dm_control/cheetah-run-v0", mass=mass)) for mass in (2.0, 1.0))
+    assert light.action == derive_spec("dm_control/cheetah-run-v0").action
+    for a, b in zip(heavy.action, light.action, strict=True):
+        assert abs(a.authority) < abs(b.authority)
+    assert vary(lambda: suite.load("cheetah", "run"), mass=2.0).reset(seed=0)
+    arm = vary(lambda: Plain(MODELS["motors"]), mass=2.0)
+    assert derive_spec(arm).action[0].authority == pytest.approx(
+        derive_spec(Plain(MODELS["motors"])).action[0].authority / 2, rel=1e-3
+    )
+
+
+def test_a_range_is_drawn_from_the_seed_of_each_episode():
+    env, other = (vary(HOPPER, mass=(0.7, 1.3), friction=(0.5, 1.5), delay=(0, 3), noise=0.01) for _ in range(2))
+    first = played(env, 3)
+    played(env, 4)
+    np.testing.assert_array_equal(first, played(env, 3))
+    np.testing.assert_array_equal(first, played(other, 3))
+    np.testing.assert_array_equal(first, played(copy.deepcopy(env), 3))
+    env.reset(seed=5)
+    masses = [(env.reset(), env.unwrapped.model.body_mass.copy())[1] for _ in range(3)]
+    assert len({float(mass[1]) for mass in masses}) == 3
+    ratio = masses[0][1:] / mujoco.MjModel.from_xml_path(env.unwrapped.fullpath).body_mass[1:]
+    np.testing.assert_allclose(ratio, ratio[0])
+    assert 0.7 <= ratio[0] <= 1.3
+
+
+def test_an_episode_is_restored_to_the_bit():
+    make = lambda: make_env(vary(HOPPER, mass=(0.7, 1.3), noise=0.01, delay=1))  # noqa: E731
+    envs, twin = (VectorEnv([make()], lambda _, episode: 7 + episode) for _ in range(2))
+    envs.reset()
+    for _ in range(40):
+        envs.step(np.full((1, 3), 0.3, np.float32))
+    twin.restore(envs.state())
+    action = np.full((1, 3), -0.4, np.float32)
+    np.testing.assert_array_equal(envs.step(action).observation, twin.step(action).observation)
+
+
+def test_what_is_seen_and_done_late():
+    env = vary("InvertedPendulum-v5", delay=2, drop_observation=[0, "hinge_y.velocity"], noise={"hinge_y.position": 0.5})
+    spec = derive_spec(env)
+    assert [element.name for element in spec.observation] == ["hinge_y.position", "slide_x.velocity"]
+    assert spec.action == derive_spec("InvertedPendulum-v5").action
+    env.reset(seed=0)
+    controls = [(env.step(np.array([1.0])), float(env.unwrapped.data.ctrl[0]))[1] for _ in range(3)]
+    assert controls == [0.0, 0.0, 1.0]
+    plain = vary("InvertedPendulum-v5", drop_observation=[0, 3])
+    rows = [(env.reset(seed=k)[0], plain.reset(seed=k)[0]) for k in range(400)]
+    difference = np.array([a - b for a, b in rows])
+    assert difference[:, 0].std() == pytest.approx(0.5, rel=0.15)
+    assert not difference[:, 1].any()
+
+
+def test_it_is_written_down():
+    env = vary("Hopper-v5?frame_skip=8", mass=(0.7, 1.3), length={"thigh": 0.8}, dead_actuator=[0])
+    name = "Hopper-v5?frame_skip=8&vary.mass=[0.7,1.3]&vary.length.thigh=0.8&vary.dead_actuator=[0]"
+    assert recorded(env) == recorded(make_env(name)) == name
+    assert recorded(vary(gymnasium.make("Hopper-v5", frame_skip=8), mass=1.3)) == "Hopper-v5?frame_skip=8&vary.mass=1.3"
+    assert recorded(vary(PreviousAction(gymnasium.make(HOPPER)), gravity=0.5)).startswith("<Varied of")
+    np.testing.assert_array_equal(played(make_env(name)), played(env).astype(np.float32))
+    given = {"mass": [0.7, 1.3], "noise.x": 0.1, "delay": [1, 2], "dead_actuator": ["a", 3]}
+    assert Variation.read(given).written() == given
+
+
+@pytest.mark.parametrize(
+    ("env", "changes", "kind", "message"),
+    [
+        (HOPPER, {"mas": 1}, UnknownNameError, "unknown variation 'mas'; did you mean mass"),
+        (HOPPER, {"mass": {"tigh": 1}}, UnknownNameError, "unknown body 'tigh'; did you mean thigh"),
+        (HOPPER, {"gear": {"hip": 2}}, UnknownNameError, "unknown actuator 'hip'"),
+        (HOPPER, {"mass": 0}, ConfigError, r"mass=0 must be a number or a range, 0.001 to"),
+        (HOPPER, {"mass": (2, 1)}, ConfigError, "mass=.2, 1. must be"),
+        (HOPPER, {"mass": "heavy"}, ConfigError, "mass='heavy' must be"),
+        (HOPPER, {"mass": float("nan")}, ConfigError, "mass=nan must be"),
+        (HOPPER, {"delay": 0.5}, ConfigError, "whole control steps"),
+        (HOPPER, {"delay": 10**9}, ConfigError, "delay=1000000000 must be"),
+        (HOPPER, {"gravity": {"z": 1}}, ConfigError, "gravity is one for the whole environment"),
+        (HOPPER, {"drop_observation": [11]}, ConfigError, "drop_observation=11 must be 0 to 10"),
+        (HOPPER, {"drop_observation": list(range(11))}, ConfigError, "nothing is left to observe"),
+        (HOPPER, {"drop_observation": ["x"]}, UnknownNameError, "unknown element of the observation 'x'"),
+        (HOPPER, {"dead_actuator": [3]}, ConfigError, "dead_actuator=3 must be 0 to 2"),
+        ("CartPole-v1", {"mass": 1.1}, ConfigError, "is not a MuJoCo environment"),
+        ("dm_control/dog-run-v0", {"length": 1.1}, ConfigError, "its inertia is given in numbers"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_varied_is_one_line(env, changes, kind, message):
+    with pytest.raises(kind, match=message) as error:
+        vary(env, **changes)
+    assert "\n" not in str(error.value)
