@@ -46,9 +46,11 @@ MODELS = {
         </body></worldbody><actuator><motor joint="knee" ctrlrange="-1 1"/></actuator></mujoco>""",
     "drone": """<mujoco><option gravity="0 0 -1"/><worldbody><body pos="0 0 1"><freejoint/><geom type="box" size=".1 .1 .02"/>
         <site name="a" pos=".1 0 0"/><site name="b" pos="-.1 0 0"/></body></worldbody><actuator>
-        <motor site="a" gear="0 0 1 0 0 0" ctrlrange="0 4"/><motor site="b" gear="0 0 1 0 0 0" ctrlrange="0 4"/></actuator></mujoco>""",
-    "contacts": """<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body pos="0 0 .4"><joint name="z" type="slide" axis="0 0 1"/>
-        <geom size=".1"/><body><joint name="leg" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 -.3" size=".04"/></body></body>
+        <motor site="a" gear="0 0 1 0 0 0" ctrlrange="0 4"/>
+        <motor site="b" gear="0 0 1 0 0 0" ctrlrange="0 4"/></actuator></mujoco>""",
+    "contacts": """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
+        <body pos="0 0 .4"><joint name="z" type="slide" axis="0 0 1"/><geom size=".1"/>
+        <body><joint name="leg" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 -.3" size=".04"/></body></body>
         </worldbody><actuator><motor joint="leg" gear="5" ctrlrange="-1 1"/></actuator></mujoco>""",
 }
 

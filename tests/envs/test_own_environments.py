@@ -170,7 +170,7 @@ def test_an_observation_that_needs_an_argument(tmp_path):
 
 
 def test_actuators_without_a_range_are_refused():
-    with pytest.raises(EnvironmentContractError, match="action 0 of Plain has bounds 0 to 0 .* ctrlrange"):
+    with pytest.raises(EnvironmentContractError, match=r"action 0 of Plain has bounds 0 to 0 .* ctrlrange"):
         make_env(Plain(ARM.format('<actuator><motor joint="turn"/></actuator>')))
 
 
