@@ -1,10 +1,11 @@
 """Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
 from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, time_step
-from transferkit.envs.make import copies_of, dims_of, environment_ids, id_from_file, is_maker, make_env, opened, recorded, vary
+from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, vary
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
+from transferkit.envs.source import environment_ids, id_from_file, is_maker
 from transferkit.envs.vector import Count, Step, VectorEnv
 from transferkit.envs.written import EnvLike, is_written, name_of
 

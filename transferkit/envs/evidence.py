@@ -13,28 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.frozen import State
+from transferkit.envs.memory import QUIET, SAMPLES, changed, measure_memory
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
     from transferkit.envs.frozen import Frozen, Look
+    from transferkit.envs.memory import Memory
     from transferkit.envs.simulation import Simulation
 
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-
-SAMPLES = 24
-"""Random states; a wrong form would have to fit all of them."""
 
 NUDGES = 3
 """Random states from which each degree of freedom is moved by itself."""
 
 MOTIONS, STEPS_PER_MOTION = 20, 10
 """Random pushes, and physics steps of each."""
-
-QUIET, LONGEST = 8, 128
-"""Steps without news after which nothing older is expected, and the most that are waited for."""
-
-DRAWS = 32
-"""Observations of one state with noise."""
 
 SHARES = (1 / 64, 1.0)
 """Actions that are tried each way: small ones are not clipped, large ones overcome friction."""
@@ -53,16 +46,7 @@ class Evidence:
     """It changes while the controls push and things collide."""
     actions: NDArray[np.float64]
     """`(obs_dim, act_dim)`: by how much it changes with an action, if it is a multiple of it."""
-    age: NDArray[np.intp]
-    """Control steps since what it says was true."""
-    noise: NDArray[np.float64]
-    """Deviation that could not be switched off."""
-    doubt: NDArray[np.float64]
-    """Standard error of its mean, of all noise."""
-    time: NDArray[np.bool_]
-    """It grows by the same in every step, whatever happens."""
-    mixed: NDArray[np.bool_]
-    """It says something of several steps at once."""
+    memory: Memory
 
 
 @dataclass(frozen=True)
@@ -96,7 +80,7 @@ class Prober:
         self._rng = np.random.default_rng(0)
         self._start = simulation.data.qpos.copy()
         self._idle = np.zeros(act_dim, np.float32)
-        self._measure_memory()
+        self._memory = measure_memory(frozen, [self._random_state(self._random_action()) for _ in range(3)])
 
     def evidence(self) -> Evidence:
         """Find what each element responds to."""
@@ -104,14 +88,12 @@ class Prober:
         controls, actions = self._action_dependence()
         silent = ~(positions.any(1) | velocities.any(1) | controls)
         motion = self._varies_in_motion() if silent.any() else np.zeros_like(silent)
-        return Evidence(
-            positions, velocities, controls, motion, actions, self._age, self._noise, self._doubt, self._time, self._mixed
-        )
+        return Evidence(positions, velocities, controls, motion, actions, self._memory)
 
     def samples(self) -> Samples:
         """Observe random states."""
         states = [self._random_state() for _ in range(SAMPLES)]
-        observation = self._visit(states) - self._bias
+        observation = self._visit(states) - self._memory.bias
         model, data = self._simulation.model, self._simulation.data
         addresses = [_angle_address(model, dof) for dof in range(model.nv)]
         position = [[np.nan if a is None else state.qpos[a] for a in addresses] for state in states]
@@ -131,52 +113,11 @@ class Prober:
         each = [[(share, self._look_at(self._only(k, share))) for share in _both_ways()] for k in range(self._act_dim)]
         return Responses(none, each)
 
-    def _measure_memory(self) -> None:
-        """Hold one state, then others: when each element takes notice, and which never rest."""
-        states = [self._random_state(self._random_action()) for _ in range(3)]
-        calm = self._hold(states[0])[-QUIET:]
-        steps = np.diff(calm, axis=0)
-        restless = _changed(calm[:-1], calm[1:]).all(axis=0)
-        self._time = restless & (np.ptp(steps, axis=0) <= 1e-5 * np.abs(steps).max(axis=0))
-        drifts = restless & (np.abs(steps.sum(axis=0)) > 0.5 * np.abs(steps).sum(axis=0))
-        self._noise = np.where(restless & ~drifts, calm.std(axis=0), 0.0)
-        self._age, self._mixed, before = np.full(self._obs_dim, LONGEST), drifts & ~self._time, calm[-1]
-        for state in states[1:]:
-            after = self._hold(state)
-            news = _changed(before, after, self._noise)
-            first = np.where(news.any(axis=0), news.argmax(axis=0), LONGEST)
-            moved = _changed(after, np.take_along_axis(after, np.minimum(first, len(after) - 1)[None], axis=0), self._noise)
-            self._mixed |= (moved & (np.arange(len(after))[:, None] > first)).any(axis=0) & ~restless
-            self._age, before = np.minimum(self._age, first), after[-1]
-        self._age[(self._age == LONGEST) | self._time | self._mixed] = 0
-        self._bias, self._doubt = self._noise_mean(states[0])
-
-    def _hold(self, state: State) -> NDArray[np.float64]:
-        """Observe a state until nothing new comes, `(steps, obs_dim)`; what changes in every step is no news."""
-        seen, always, last_news = [self._frozen.see(state)], np.ones(self._obs_dim, bool), 0
-        while len(seen) - 1 - last_news < QUIET * (3 if always.any() else 1) and len(seen) < LONGEST:
-            seen.append(self._frozen.see(state))
-            changed = _changed(seen[-2], seen[-1])
-            news, always = (changed & ~always) | (always & ~changed & (len(seen) > 2)), always & changed
-            last_news = len(seen) - 1 if news.any() else last_news
-        return np.array(seen)
-
-    def _noise_mean(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What the one draw of noise that all observations have adds, and how well its mean is known."""
-        pinned = self._frozen.see_all([state] * (1 + int(self._age.max(initial=0))))[-1]
-        self._frozen.pinned = False
-        free = self._frozen.see_all([state] * 2)
-        if (free != pinned).any():
-            free = self._frozen.see_all([state] * DRAWS)
-        self._frozen.pinned = True
-        of_draw = (self._noise == 0) & ~self._time & ~self._mixed
-        return np.where(of_draw, pinned - free.mean(axis=0), 0.0), free.std(axis=0) / np.sqrt(min(DRAWS, SAMPLES))
-
     def _visit(self, states: Sequence[State]) -> NDArray[np.float64]:
         """What each element says of each state, `(len(states), obs_dim)`."""
-        oldest = int(self._age.max(initial=0))
+        oldest = int(self._memory.age.max(initial=0))
         seen = self._frozen.see_all([*states, *[states[-1]] * oldest])
-        rows = np.arange(len(states))[:, None] + self._age
+        rows = np.arange(len(states))[:, None] + self._memory.age
         return seen[rows, np.arange(self._obs_dim)]
 
     def _random_state(self, action: NDArray[np.float32] | None = None) -> State:
@@ -208,8 +149,8 @@ class Prober:
             base = self._random_state()
             states += [base, *self._nudged(base)]
         seen = self._visit(states).reshape(NUDGES, 1 + 2 * nv, self._obs_dim)
-        changed = _changed(seen[:, :1], seen[:, 1:], self._noise).any(axis=0).T & ~self._time[:, None]
-        return changed[:, :nv], changed[:, nv:]
+        answers = changed(seen[:, :1], seen[:, 1:], self._memory.noise).any(axis=0).T & ~self._memory.time[:, None]
+        return answers[:, :nv], answers[:, nv:]
 
     def _nudged(self, base: State) -> Iterable[State]:
         model = self._simulation.model
@@ -226,7 +167,7 @@ class Prober:
         each = [State(at.qpos, at.qvel, self._only(k, 0.5)) for at in (base, other) for k in range(self._act_dim)]
         all_ = [State(base.qpos, base.qvel, self._random_action()) for _ in range(2)]
         seen = self._visit([base, other, *all_, *each])
-        controls = _changed(seen[0], seen[2:4], self._noise).any(axis=0) & ~self._time
+        controls = changed(seen[0], seen[2:4], self._memory.noise).any(axis=0) & ~self._memory.time
         slopes = (seen[4:].reshape(2, self._act_dim, -1) - seen[:2, None]) / 0.5
         alike = np.isclose(slopes[0], slopes[1], rtol=1e-4, atol=1e-6).all(axis=0)
         return controls, np.where(controls & alike, slopes[0], 0.0).T
@@ -244,7 +185,7 @@ class Prober:
             states.append(State(data.qpos.copy(), data.qvel.copy(), self._random_action(), data.act.copy()))
         model.opt.timestep = pace
         seen = self._visit([first, *states])
-        return _changed(seen[:1], seen[1:], self._noise).any(axis=0) & ~self._time
+        return changed(seen[:1], seen[1:], self._memory.noise).any(axis=0) & ~self._memory.time
 
     def _random_controls(self, model: mujoco.MjModel) -> NDArray[np.float64]:
         limited = model.actuator_ctrllimited.astype(bool)
@@ -282,9 +223,3 @@ def _angle_address(model: mujoco.MjModel, dof: int) -> int | None:
     if model.jnt_type[j] == BALL or (model.jnt_type[j] == FREE and within > 2):
         return None
     return int(model.jnt_qposadr[j]) + within
-
-
-def _changed(
-    before: NDArray[np.float64], after: NDArray[np.float64], noise: NDArray[np.float64] | float = 0.0
-) -> NDArray[np.bool_]:
-    return np.abs(after - before) > 1e-6 * (1 + np.abs(before)) + 8 * noise

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs.evidence import SAMPLES
+from transferkit.envs.memory import SAMPLES
 from transferkit.spec import Element
 
 if TYPE_CHECKING:
@@ -46,19 +46,23 @@ class Forms:
     def element(self, i: int, label: str) -> Element:
         """Describe element `i`; `label` is its name if no form fits."""
         evidence = self.evidence
-        if evidence.mixed[i]:
+        if evidence.memory.mixed[i]:
             return Element(label, "unknown", (), (), 0.0, "")
-        if evidence.time[i]:
+        if evidence.memory.time[i]:
             return Element(label, "time", (), (), 0.0, "")
         element = self._present(i, label)
-        certain = abs(element.offset) > 4 * evidence.doubt[i]
-        return replace(element, age=int(evidence.age[i]), offset=element.offset if certain else 0.0)
+        certain = abs(element.offset) > 4 * evidence.memory.doubt[i]
+        return replace(element, age=int(evidence.memory.age[i]), offset=element.offset if certain else 0.0)
 
     def _present(self, i: int, label: str) -> Element:
         """Describe it without its age."""
         evidence = self.evidence
         positions, velocities = np.flatnonzero(evidence.positions[i]), np.flatnonzero(evidence.velocities[i])
-        y, tolerance, form = self.samples.observation[:, i], _tolerance(self.samples.observation[:, i], evidence.noise[i]), None
+        y, tolerance, form = (
+            self.samples.observation[:, i],
+            _tolerance(self.samples.observation[:, i], evidence.memory.noise[i]),
+            None,
+        )
         if len(positions) and not len(velocities):
             form = self._position_form(y, positions, tolerance)
         elif len(velocities) and not len(positions):

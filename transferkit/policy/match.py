@@ -1,9 +1,5 @@
 """Match what a core's numbers mean with what a target's mean: which joint is which, and how to compute one from the other.
 
-A source joint matches the first target joint of the same type whose axis is parallel, whose parent is the match of its own
-parent, and (for a hinge) whose load rests in the same direction: upright matches upright, never hanging. Of several that fit,
-one of the same name in the model comes first. Signs come from the axes.
-
 Quantities are scaled by dynamic similarity (Froude): under the same gravity a mechanism `s` times as long moves alike when
 lengths scale with s, times with sqrt(s) and accelerations not at all. The length is that from the matched hinges to the
 mass they carry, and an action keeps the acceleration it causes. Nothing of it is fitted.
@@ -26,18 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.errors import ConfigError
+from transferkit.policy.joint_match import length_scale, match_joints, same_mechanism
 
 if TYPE_CHECKING:
-    from transferkit.spec import Actuator, Element, IOSpec, Joint
-
-PARALLEL = 0.99
-"""Least cosine between axes that count as the same."""
+    from transferkit.policy.joint_match import Joints
+    from transferkit.spec import Actuator, Element, IOSpec
 
 FORMLESS = ("height", "function of position", "function of velocity", "force", "action", "time", "constant", "unknown")
 """Quantities that no combination of others gives."""
-
-SAME_REST = 0.7
-"""Least cosine between the directions in which two hinges carry their load."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +64,12 @@ class Match:
 
 def match(source: IOSpec, target: IOSpec) -> Match:
     """Match a core's source with a target environment."""
-    joints = _match_joints(source.joints, target.joints)
-    scale = _length_scale(source, target, joints)
+    joints = match_joints(source.joints, target.joints)
+    scale = length_scale(source, target, joints)
     pairs = angle_pairs(target)
     basis = _Basis.of(target, pairs)
     weight, bias, form = np.zeros((source.obs_dim, basis.width)), np.zeros(source.obs_dim), []
-    twin = _same_mechanism(source, target, joints)
+    twin = same_mechanism(source, target, joints)
     for i, element in enumerate(source.observation):
         k = _counterpart(element, source, target, joints, scale, twin=twin)
         if k is not None:
@@ -146,49 +138,6 @@ def explain(result: Match, source: IOSpec, target: IOSpec) -> str:
         terms = " ".join(f"{w:+.4g} {a.name}" for w, a in zip(row, source.action, strict=True) if w)
         lines.append(f"  action {actuator.name} = {terms or 'not matched'}")
     return "\n".join(lines)
-
-
-Joints = dict[str, tuple[str, float]]
-"""Target joint and sign of each source joint that is matched."""
-
-
-def _match_joints(source: Sequence[Joint], target: Sequence[Joint]) -> Joints:
-    matched: Joints = {}
-    taken: set[str] = set()
-    for joint in source:
-        if joint.parent is not None and joint.parent not in matched:
-            continue
-        parent = None if joint.parent is None else matched[joint.parent][0]
-        fitting = [one for one in target if one.parent == parent and one.name not in taken and _fits(joint, one)]
-        if fitting:
-            partner = min(fitting, key=lambda one: one.model_name != joint.model_name)  # the first, if none has the name
-            matched[joint.name] = partner.name, float(np.sign(np.dot(joint.axis, partner.axis)))
-            taken.add(partner.name)
-    return matched
-
-
-def _fits(joint: Joint, candidate: Joint) -> bool:
-    parallel = abs(float(np.dot(joint.axis, candidate.axis))) >= PARALLEL
-    return candidate.type == joint.type and parallel and (joint.type == "slide" or _rest_alike(joint, candidate))
-
-
-def _rest_alike(joint: Joint, candidate: Joint) -> bool:
-    """Whether the loads rest in the same direction; one that is balanced on its joint has none."""
-    if not any(joint.rest) or not any(candidate.rest):
-        return not any(joint.rest) and not any(candidate.rest)
-    return float(np.dot(joint.rest, candidate.rest)) >= SAME_REST
-
-
-def _same_mechanism(source: IOSpec, target: IOSpec, joints: Joints) -> bool:
-    """Whether the target's joints are the source's, one for one and in order; their lengths and loads may differ.
-
-    Of something without joints only its own environment is known to be the same.
-    """
-    if not source.joints:
-        return (source.env_id, source.obs_dim, source.act_dim) == (target.env_id, target.obs_dim, target.act_dim)
-    pairs = zip(source.joints, target.joints, strict=False)
-    in_order = all(joints.get(own.name) == (other.name, 1.0) for own, other in pairs)
-    return in_order and len(source.joints) == len(target.joints) and source.backend == target.backend
 
 
 def _counterpart(
@@ -289,17 +238,6 @@ def _solve(element: Element, source: IOSpec, joints: Joints, target: IOSpec, bas
 
 def _form(quantity: str) -> str:
     return quantity if quantity in ("sin", "cos") else "linear"
-
-
-def _length_scale(source: IOSpec, target: IOSpec, joints: Joints) -> float:
-    """Take the geometric mean over the matched hinges."""
-    lengths = {joint.name: joint.length for joint in target.joints}
-    ratios = [
-        joint.length / lengths[joints[joint.name][0]]
-        for joint in source.joints
-        if joint.name in joints and joint.length > 0 and lengths[joints[joint.name][0]] > 0
-    ]
-    return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
 
 
 def _similarity(quantity: str, joint_type: str, scale: float) -> float:
