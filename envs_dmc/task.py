@@ -50,8 +50,9 @@ class DmControlEnv(gymnasium.Env):
         size = sum(math.prod(shape) for shape in shapes.values())
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float32)
         spec = native.action_spec()
-        self._low = np.where(spec.minimum < -UNLIMITED, -1.0, spec.minimum)
-        self._high = np.where(spec.maximum > UNLIMITED, 1.0, spec.maximum)
+        low, high = (np.broadcast_to(getattr(spec, end, math.inf), spec.shape) for end in ("minimum", "maximum"))
+        self._low = np.where(np.abs(low) > UNLIMITED, -1.0, low)
+        self._high = np.where(np.abs(high) > UNLIMITED, 1.0, high)
         self.action_space = gymnasium.spaces.Box(self._low, self._high, dtype=np.float64)
 
     @property

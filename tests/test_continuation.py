@@ -17,7 +17,7 @@ from transferkit.evaluation import evaluate
 from transferkit.files import read_json, write_json
 from transferkit.plots import draw_run
 from transferkit.run import EpisodeRow, EvaluationRow, Record, Result, finished_result, load_state, read_record, read_table
-from transferkit.subject import evaluate_run, load_value
+from transferkit.subject import evaluate_subject, load_subject, load_value
 from transferkit.trainers.dyna.agent import Agent
 
 IDP = "InvertedDoublePendulum-v5"
@@ -79,7 +79,7 @@ def test_a_continued_run_is_read_and_continued_like_any_other(tmp_path):
     last = run_training(more(config, episodes=60), out=run, resume=True)
     assert (last.episodes, [one.steps for one in last.earlier]) == (60, [130, 200])
     assert run_training(more(config, episodes=60), out=run, resume=True) == last == read_json(run / "result.json", Result)
-    assert evaluate_run(run, episodes=2).mean == last.eval_return_mean
+    assert evaluate_subject(load_subject(str(run)), episodes=2).mean == last.eval_return_mean
     assert load_value(run, load_policy(run)) is not None
     draw_run(run, tmp_path / "curves.png")
     with pytest.raises(RunDirectoryError) as error:  # its first budget, and its second one

@@ -30,7 +30,8 @@ def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch, capsys):
                 program, *arguments = shlex.split(line)
                 assert program == "transferkit"
                 assert main(arguments) == 0, capsys.readouterr().err
-    sys.modules.pop("my_robots", None)
+    for name in ("my_robots", "my_cart"):
+        sys.modules.pop(name, None)
     out = capsys.readouterr().out
     assert out.count("(1000.0, 1000.0)") == 4
     assert "hinge_y.velocity[t-1]" in out

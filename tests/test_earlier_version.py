@@ -12,7 +12,7 @@ from transferkit.config import TrainConfig, with_settings
 from transferkit.errors import InterruptedRunError, RunDirectoryError
 from transferkit.files import write_json
 from transferkit.run import load_state, save_state
-from transferkit.subject import evaluate_run
+from transferkit.subject import evaluate_subject, load_subject
 
 IDP = "InvertedDoublePendulum-v5"
 CASES = {
@@ -103,5 +103,5 @@ def test_its_finished_run_is_what_it_was(tmp_path):
     old = into_old_layout(tmp_path / "run")
     assert old["policy"]["architecture"]["initialization"] == "orthogonal"
     assert run_training(config, out=tmp_path / "run", resume=True) == result
-    assert evaluate_run(tmp_path / "run", episodes=1).mean == result.eval_return_mean
+    assert evaluate_subject(load_subject(str(tmp_path / "run")), episodes=1).mean == result.eval_return_mean
     assert load_policy(tmp_path / "run").network.architecture.std == "head"

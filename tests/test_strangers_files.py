@@ -21,7 +21,7 @@ from transferkit.record.mapping import load_mapping
 from transferkit.record.reader import read
 from transferkit.record.recover import recover
 from transferkit.run import EpisodeRow, Result, load_state, read_record, read_table, save_state
-from transferkit.subject import evaluate_run, load_subject
+from transferkit.subject import evaluate_subject, load_subject
 from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import list_cards
 from transferkit.zoo.verify import verify
@@ -216,7 +216,7 @@ def test_an_environment_id_from_a_file_imports_nothing(env_id, run, recorded, tm
     record = json.loads((folder / "run.json").read_text())
     record["config"]["env"] = env_id
     write_json(folder / "run.json", record)
-    for use in (lambda: evaluate_run(folder), lambda: load_subject(str(folder))):
+    for use in (lambda: evaluate_subject(load_subject(str(folder))), lambda: load_subject(str(folder))):
         with pytest.raises(EnvironmentContractError, match=r"runs the module .*; if you trust that, name it yourself: env="):
             use()
     assert not (tmp_path / "ran").exists()

@@ -15,7 +15,7 @@ from transferkit.nn import one_thread
 from transferkit.policy.make import new_policy
 from transferkit.run import RunDirectory, Session
 from transferkit.streams import Streams
-from transferkit.subject import evaluate_run, load_value
+from transferkit.subject import evaluate_subject, load_value
 from transferkit.trainers.loop import train_and_evaluate
 from transferkit.trainers.make import make_trainer
 
@@ -83,7 +83,7 @@ def test_a_wrapped_critic_needs_the_core_that_it_was_trained_with(full_core, ful
 
 def test_a_run_is_evaluated_as_it_was_and_plays_its_own_environment_or_is_wrapped(tmp_path):
     result = run_training(tiny("ppo"), out=tmp_path / "run")
-    assert evaluate_run(tmp_path / "run", episodes=1).mean == result.eval_return_mean
+    assert evaluate_subject(load_subject(str(tmp_path / "run")), episodes=1).mean == result.eval_return_mean
     subject = load_subject(str(tmp_path / "run"))
     assert (subject.env, subject.clip_actions) == (ENV, True)
     assert subject.about["training"] == {

@@ -6,6 +6,7 @@ A value is JSON where it is any, and else a word. `&`, `?`, `%` and white space 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -18,6 +19,10 @@ VARY = "vary."
 
 PLAIN = "/:,.[]{}\"'+-_~*()!$;@="
 """Signs in a value that stay as they are."""
+
+
+NUMBER = re.compile(r"[+-]?(\d+\.|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+"""Numbers that people write and JSON does not: `1.`, `.5`."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,8 @@ def _assignments(words: list[str], where: str) -> dict[str, Any]:
 
 
 def _value(text: str) -> Any:  # noqa: ANN401 - any JSON value
+    if NUMBER.fullmatch(text):
+        return float(text)
     try:
         return json.loads(text, parse_constant=lambda _: text)
     except (ValueError, RecursionError):
@@ -82,8 +89,8 @@ def _value(text: str) -> Any:  # noqa: ANN401 - any JSON value
 def _numbers(*words: str) -> list[float] | None:
     """The ends of a range `0.7..1.3`."""
     try:
-        return [json.loads(word) + 0.0 for word in words]
-    except (ValueError, TypeError, RecursionError):
+        return [float(word) for word in words]
+    except ValueError:
         return None
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from transferkit import stats
 from transferkit.config.checks import EPISODES, check_value
-from transferkit.envs import dims, is_maker, name_of, opened, rollout
+from transferkit.envs import dims, is_maker, opened, rollout, written
 from transferkit.errors import NotFiniteError
 from transferkit.streams import Streams
 
@@ -108,7 +108,7 @@ def evaluate(
         size = min(POOL, episodes) if is_maker(env) else 1
         pool = [open_envs.enter_context(opened(env, **options)) for _ in range(size)]
         if fits := getattr(policy, "check_fits", None):  # not every actor is a policy
-            fits(dims(pool[0]), name_of(env if isinstance(env, str) else pool[0]))
+            fits(dims(pool[0]), env if isinstance(env, str) else written(pool[0]))
         for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
             returns[step.episode] += step.reward
             lengths[step.episode] += 1

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from transferkit.config import TrainConfig
 from transferkit.envs import dims_of, id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
-from transferkit.evaluation import evaluate
+from transferkit.evaluation import DEFAULT_EPISODES, evaluate
 from transferkit.files import damaged_run
 from transferkit.nn import Critic, Ensemble, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
@@ -64,7 +64,7 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
         value = core.critic(member).value if "critic" in core.ensembles else None
         rules = TrainConfig.from_json(find_card(name).config).env_config
         return Subject(core.policy(member), home, value, **asdict(rules), about=about)
-    return Subject(wrap(core, env, member=member), env, about=about)
+    return Subject(wrap(core, env, member=member), env, wrapped=True, about=about)
 
 
 def _dims(policy: Policy) -> tuple[int, int]:
@@ -83,26 +83,24 @@ def home_of(name: str) -> str:
     return id_from_file(find_card(name).source.env_id, name)
 
 
-def evaluate_run(
-    run_dir: str | Path,
+def evaluate_subject(
+    subject: Subject,
     *,
-    env: EnvLike | None = None,
-    episodes: int = 20,
+    episodes: int = DEFAULT_EPISODES,
     seed: int = 0,
     max_episode_steps: int | None = None,
     report: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
-    """Evaluate the final policy of a run on its own environment, or on one that is named.
-
-    Raises:
-        EnvironmentContractError: its own environment is not in writing, or needs a module, and none is named.
-    """
-    config = TrainConfig.from_json(read_record(Path(run_dir)))
-    rules = asdict(config.env_config)
-    if max_episode_steps is not None:
-        rules["max_episode_steps"] = max_episode_steps
-    home = id_from_file(config.env, run_dir) if env is None else env
-    return evaluate(load_policy(run_dir), home, episodes=episodes, seed=seed, **rules, report=report)
+    """Evaluate a policy in its environment, under the rules that it was trained with."""
+    return evaluate(
+        subject.policy,
+        subject.env,
+        episodes=episodes,
+        seed=seed,
+        clip_actions=subject.clip_actions,
+        max_episode_steps=max_episode_steps or subject.max_episode_steps,
+        report=report,
+    )
 
 
 def load_value(run_dir: str | Path, policy: Policy) -> Value | None:

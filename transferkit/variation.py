@@ -117,11 +117,15 @@ def _plain(amount: Amount) -> float | list[float]:
 
 
 def _amount(name: str, value: Any, least: float, most: float) -> Amount:  # noqa: ANN401 - JSON
+    value = _plain_value(value)
     ends = list(value) if isinstance(value, list | tuple) else [value, value]
     fits = len(ends) == 2 and all(_is_number(end) and least <= end <= most for end in ends) and ends[0] <= ends[1]
     if not fits:
         raise ConfigError(
-            f"variation {name}", value=value, allowed=f"a number or a range, {least:g} to {most:g}", topic="variations"
+            f"variation {name}",
+            value=value,
+            allowed=f"a number or a range, low first, {least:g} to {most:g}",
+            topic="variations",
         )
     return float(ends[0]), float(ends[1])
 
@@ -134,11 +138,17 @@ def _delay(value: Any) -> Amount:  # noqa: ANN401 - JSON
 
 
 def _places(name: str, value: Any) -> tuple[Place, ...]:  # noqa: ANN401 - JSON
+    value = _plain_value(value)
     places = value.split(",") if isinstance(value, str) else list(value) if isinstance(value, list | tuple) else [value]
     places = [int(place) if isinstance(place, str) and place.isdecimal() else place for place in places]
     if not all(isinstance(place, str | int) and not isinstance(place, bool) for place in places):
         raise ConfigError(f"variation {name}", value=value, allowed="names or indices", topic="variations")
     return tuple(places)
+
+
+def _plain_value(value: Any) -> Any:  # noqa: ANN401
+    """A number or a list of what numpy has."""
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 def _is_number(value: object) -> bool:

@@ -126,6 +126,16 @@ class Noise(gymnasium.ObservationWrapper):
         return observation + self.rng.normal(0, self.deviation, observation.shape)
 
 
+class Proportional:
+    """Noise in proportion to what is observed."""
+
+    def __init__(self):
+        self.rng = np.random.default_rng(0)
+
+    def __call__(self, observation):
+        return observation * (1 + 0.02 * self.rng.normal(size=observation.shape))
+
+
 class UnseededNoise(gymnasium.ObservationWrapper):
     """Adds noise that nothing can hold still."""
 
@@ -174,6 +184,67 @@ class Scaled(gymnasium.ActionWrapper):
         return np.clip(self.factor * action, -self.most, self.most)
 
 
+class WaitsForTheClock(Plain):
+    """Steps until a time has come."""
+
+    def step(self, action):
+        self.state.ctrl[:] = action
+        end = self.state.time + 0.02
+        while self.state.time < end:
+            mujoco.mj_step(self.robot, self.state)
+        return self._observe(), 1.0, False, False, {}
+
+
+class Strict(Plain):
+    """Allows no step after the end of an episode, and ends it where the arm is not upright."""
+
+    over = False
+
+    def reset(self, **named):
+        self.over = False
+        return super().reset(**named)
+
+    def step(self, action):
+        if self.over:
+            raise RuntimeError("the episode is over")
+        observation, reward, *_ = super().step(action)
+        self.over = bool(abs(self.state.qpos[1]) > 0.2)
+        return observation, reward, self.over, False, {}
+
+
+class Clocks(gymnasium.Wrapper):
+    """Appends the simulated time, a phase of it, and the integral of the cart's position."""
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.observation_space = Box(-np.inf, np.inf, (7,))
+        self.integral = 0.0
+
+    def reset(self, **named):
+        observation, info = self.env.reset(**named)
+        self.integral = 0.0
+        return self._with_clocks(observation), info
+
+    def step(self, action):
+        observation, *rest = self.env.step(action)
+        self.integral += observation[0] * 0.04
+        return (self._with_clocks(observation), *rest)
+
+    def _with_clocks(self, observation):
+        time = self.unwrapped.data.time
+        return np.concatenate([observation, [time, np.cos(2 * np.pi * time), self.integral]])
+
+
+class LowPassAction(gymnasium.ActionWrapper):
+    """Mixes what is done with what was."""
+
+    last = 0.0
+
+    def action(self, action):
+        self.last = 0.5 * self.last + 0.5 * action
+        return self.last
+
+
 def pendulum():
     return gymnasium.make(PENDULUM)
 
@@ -201,6 +272,8 @@ STACKS = {
     "noise": (lambda: Noise(pendulum(), 0.002), WHOLE),
     "much noise": (lambda: Noise(pendulum(), 0.2), WHOLE),
     "noise without a seed": (lambda: UnseededNoise(pendulum()), WHOLE),
+    "noise in proportion": (lambda: TransformObservation(pendulum(), Proportional(), None), WHOLE),
+    "clocks": (lambda: Clocks(pendulum()), (*WHOLE, "observation[4]", "observation[5]", "observation[6]")),
     "delay": (lambda: DelayObservation(pendulum(), 2), _old(WHOLE, 2)),
     "units": (lambda: TransformObservation(pendulum(), lambda row: 2 * row + 1, None), WHOLE),
     "low pass": (lambda: LowPass(pendulum()), ("qpos[0]", "qpos[1]", "qvel[0]", "qvel[1]")),

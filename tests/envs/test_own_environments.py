@@ -5,13 +5,26 @@ import numpy as np
 import pytest
 from dm_control import composer, mjcf, suite
 from dm_control.composer.observation import observable
-from gymnasium.wrappers import FlattenObservation, RescaleAction
+from gymnasium.wrappers import ClipAction, FlattenObservation, RescaleAction, StickyAction
 from shimmy.dm_control_compatibility import DmControlCompatibilityV0
 
-from tests.envs.own import ARM, MODELS, PENDULUM, STACKS, NeedsAnAction, Plain, Repeat, Scaled, pendulum
+from tests.envs.own import (
+    ARM,
+    MODELS,
+    PENDULUM,
+    STACKS,
+    LowPassAction,
+    NeedsAnAction,
+    Plain,
+    Repeat,
+    Scaled,
+    Strict,
+    WaitsForTheClock,
+    pendulum,
+)
 from tests.policy.cores import random_core
-from transferkit import derive_spec, evaluate, load_core, make_env, scratch_policy, wrap
-from transferkit.envs import environment_ids, episode_limit, is_written, open_simulation, recorded
+from transferkit import derive_spec, evaluate, load_core, make_env, scratch_policy, vary, wrap
+from transferkit.envs import copies_of, environment_ids, episode_limit, is_written, open_simulation, recorded
 from transferkit.errors import EnvironmentContractError
 from transferkit.record.play import Subject, record_episodes
 from transferkit.record.replay import replay_recording
@@ -77,7 +90,7 @@ def test_it_is_evaluated_recorded_and_replayed(name, tmp_path):
     played = record_episodes(Subject(policy, make, max_episode_steps=20), path)
     assert played[0].steps <= 20
     spec = derive_spec(instance)
-    if name not in ("normalised", "noise without a seed"):  # which mean something else by now
+    if name not in ("normalised", "noise without a seed", "noise in proportion"):  # which mean something else by now
         assert spec == derive_spec(make)
     assert spec.time_step > 0
     if is_written(spec.env_id):
@@ -91,6 +104,9 @@ def test_the_elements_behind_wrappers_are_named(name):
     assert tuple(element.name for element in spec.observation) == names
     if name == "units":
         assert {(element.coefficients, element.offset) for element in spec.observation} == {((2.0,), 1.0)}
+    elif name == "noise in proportion":
+        assert {element.offset for element in spec.observation} == {0.0}
+        np.testing.assert_allclose([element.coefficients[0] for element in spec.observation], 1.0, atol=0.02)
     elif name not in ("low pass", "noise without a seed"):
         formed = [element for element in spec.observation if element.coefficients]
         assert {(element.coefficients, element.offset) for element in formed} == {((1.0,), 0.0)}
@@ -98,6 +114,7 @@ def test_the_elements_behind_wrappers_are_named(name):
         "previous action": ["action"],
         "frames with actions": ["action", "action"],
         "time": ["time"],
+        "clocks": ["time", "unknown", "unknown"],
         "low pass": ["unknown"] * 4,
     }.get(name, [])
 
@@ -120,6 +137,9 @@ def test_a_normaliser_of_the_users_own_is_warned_about_and_left_as_it_was(caplog
         (lambda: Scaled(pendulum(), -0.5), -2.0, -50.0),
         (lambda: Scaled(pendulum(), 1.0, most=0.1), 1.0, 100.0),
         (lambda: Repeat(pendulum()), 1.0, 100.0),
+        (lambda: ClipAction(pendulum()), 1.0, 100.0),
+        (lambda: StickyAction(pendulum(), 0.25), 1.0, 100.0),
+        (lambda: LowPassAction(pendulum()), 1.0, 100.0),
     ],
 )
 def test_an_action_is_matched_by_what_reaches_the_actuator(wrapped, factor, gear):
@@ -167,6 +187,39 @@ def test_an_observation_that_needs_an_argument(tmp_path):
     names = [element.name for element in derive_spec(NeedsAnAction(path)).observation]
     assert names[:4] == ["slide_z.position", "hinge_y.position", "slide_z.velocity", "hinge_y.velocity"]
     assert names[4:] == ["drive.slide_z.action", "drive.hinge_y.action"]
+
+
+@pytest.mark.parametrize("kind", [WaitsForTheClock, Strict])
+def test_a_step_that_waits_for_a_time_or_ends_for_good(kind):
+    spec = derive_spec(kind(MODELS["motors"]))
+    expected = derive_spec(Plain(MODELS["motors"]))
+    assert spec.observation == expected.observation
+    assert spec.action == expected.action
+    assert spec.time_step == pytest.approx({"WaitsForTheClock": 0.02, "Strict": 0.01}[kind.__name__])
+
+
+def test_an_action_is_measured_where_no_joint_is_at_its_limit():
+    limited = MODELS["motors"].replace('axis="0 1 0"', 'axis="0 1 0" range="20 60" limited="true" frictionloss="5"')
+    free, held = (derive_spec(Plain(xml)).action[1].authority for xml in (MODELS["motors"], limited))
+    assert held == pytest.approx(free)
+
+
+def test_a_copy_is_as_the_environment_is_now():
+    env = gymnasium.make(PENDULUM)
+    env.unwrapped.model.opt.gravity[2], env.unwrapped.frame_skip = -1.0, 3
+    copies = copies_of(env)
+    assert (copies().unwrapped.model.opt.gravity[2], copies().unwrapped.frame_skip) == (-1.0, 3)
+    assert copies().unwrapped.model is not env.unwrapped.model
+    assert recorded(env) == f"<{PENDULUM}, changed>"
+    weak = vary(PENDULUM, gear=0.02)
+    twin = copies_of(weak)()
+    for one in (weak, twin):
+        one.reset(seed=0)
+        one.step(np.array([3.0]))
+    np.testing.assert_array_equal(weak.unwrapped.data.qpos, twin.unwrapped.data.qpos)
+    assert twin.unwrapped.model.actuator_gear[0, 0] == pytest.approx(2.0)
+    twin.reset(seed=1)
+    assert twin.unwrapped.model.actuator_gear[0, 0] == pytest.approx(2.0)
 
 
 def test_actuators_without_a_range_are_refused():

@@ -24,7 +24,7 @@ from transferkit.policy.blueprints import MOST_NESTED
 from transferkit.policy.composed import ComposedNet
 from transferkit.run import RunDirectory, read_record
 from transferkit.streams import Streams
-from transferkit.subject import evaluate_run, load_value
+from transferkit.subject import evaluate_subject, load_value
 
 IP, IDP, CORE = "InvertedPendulum-v5", "InvertedDoublePendulum-v5", "inverted-pendulum-v1"
 SMALL = {
@@ -106,7 +106,7 @@ def test_fine_tuning_of_fine_tuning_goes_on_to_the_bit_and_is_recorded(tmp_path,
         run_training(config, out=tmp_path / "cut", report=interrupt_at(150))
     run_training(config, out=tmp_path / "cut", resume=True)
     assert_same_run(tmp_path / "whole", tmp_path / "cut")
-    assert evaluate_run(tmp_path / "whole", episodes=1).mean == result.eval_return_mean
+    assert evaluate_subject(load_subject(str(tmp_path / "whole")), episodes=1).mean == result.eval_return_mean
     third = load_core(tmp_path / "whole")
     assert third.policy()(observations(9))[0].shape == (16, 1)
     inner = load_policy(tmp_path / "whole").core.state_dict()

@@ -34,14 +34,14 @@ def describe(spec: IOSpec) -> str:
     """Describe an environment's numbers and what they mean."""
     limit = "no limit" if spec.episode_limit is None else f"{spec.episode_limit} steps an episode"
     observation = [(i, e.name, e.quantity, e.unit, ", ".join(e.joints)) for i, e in enumerate(spec.observation)]
-    action = [(i, a.name, f"{a.low:g} to {a.high:g}", f"{a.gear:g}", a.unit) for i, a in enumerate(spec.action)]
+    action = [(i, a.name, a.model_name, f"{a.low:g} to {a.high:g}", f"{a.gear:g}", a.unit) for i, a in enumerate(spec.action)]
     joints = [(j.name, j.model_name, j.type, " ".join(f"{x:g}" for x in j.axis), j.parent or "world") for j in spec.joints]
     return "\n\n".join(
         (
             f"{spec.env_id} ({spec.backend}): {spec.obs_dim} observations, {spec.act_dim} actions, time step "
             f"{spec.time_step:g} s, {limit}",
             format_table(("#", "observation", "quantity", "unit", "joints"), observation),
-            format_table(("#", "action", "bounds", "gear", "unit"), action),
+            format_table(("#", "action", "in the model", "bounds", "gear", "unit"), action),
             format_table(("joint", "in the model", "type", "axis", "parent"), joints) if joints else "no joints known",
         )
     )

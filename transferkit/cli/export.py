@@ -49,6 +49,8 @@ def _onnx(options: argparse.Namespace) -> Answer:
 
     name, out = options.names[0], options.out
     env = environment(options, lambda: home_of(name))
-    difference = export_onnx(load_subject(name, env=env, member=options.member, values=False), out)
-    text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations"
+    subject = load_subject(name, env=env, member=options.member, values=False)
+    difference = export_onnx(subject, out)
+    how = f"\n{name} is wrapped onto {env} and not trained there" if subject.wrapped else ""
+    text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations{how}"
     return Answer({"file": str(out), "difference": difference, "observations": PARITY_ROWS}, text)

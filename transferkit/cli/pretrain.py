@@ -9,7 +9,7 @@ from typing import Annotated
 import tyro
 
 from transferkit.cli.answer import Answer
-from transferkit.cli.environment import with_arguments
+from transferkit.cli.environment import gathered, with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.cli.zoo import summary
 from transferkit.config import TrainConfig, check_read
@@ -18,6 +18,7 @@ from transferkit.pretrain import Recipe, pretrain
 
 def main(arguments: Sequence[str]) -> Answer:
     """Make a core; answers with its line of the zoo."""
+    arguments = gathered(arguments)
     default = defaults(arguments)
 
     def command(

@@ -37,5 +37,6 @@ def main(arguments: Sequence[str]) -> Answer:
         ("episode", "steps", "return"), [(k, episode.steps, f"{episode.total:.1f}") for k, episode in enumerate(played)]
     )
     hint = f"open it in Foxglove, or draw it with `transferkit plot {options.out}`"
-    text = f"{table}\n{options.out}: {size / 1024:.0f} KiB; {hint}"
+    how = f"\n{options.name} is wrapped onto {env} and not trained there" if subject.wrapped else ""
+    text = f"{table}{how}\n{options.out}: {size / 1024:.0f} KiB; {hint}"
     return Answer({"recording": str(options.out), "bytes": size, "episodes": rows}, text)

@@ -12,7 +12,7 @@ import tyro
 
 from transferkit.budget import Budget
 from transferkit.cli.answer import Answer
-from transferkit.cli.environment import with_arguments
+from transferkit.cli.environment import gathered, with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.config import TrainConfig, check_read
 from transferkit.errors import SettingError
@@ -29,6 +29,7 @@ class _Request:
 
 def main(arguments: Sequence[str]) -> Answer:
     """Train a policy; answers with its result."""
+    arguments = gathered(arguments)
     default = defaults(arguments)
 
     def command(

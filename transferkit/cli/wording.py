@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 from transferkit.errors import TransferkitError, printable
 
 MORE = {
@@ -12,6 +14,7 @@ MORE = {
     "installation": "`transferkit doctor` checks the installation",
     "mappings": "docs/recordings.md has an example",
     "recordings": "`transferkit record` makes recordings",
+    "variations": "docs/own_environment.md lists the variations",
     "verification": "`transferkit zoo verify ID` checks a core",
 }
 """What the command line knows more about the topic of an error."""
@@ -22,7 +25,7 @@ def flag(name: str, value: str | None) -> str:
     section, dot, key = name.replace("_", "-").rpartition(".")
     if value == "False":
         return f"--{section}{dot}no-{key}"
-    shown = "" if value in (None, "True") else f" {value}"
+    shown = "" if value is None or value == "True" else f" {shlex.quote(value) if set(value) & set('&?;<>|') else value}"
     return f"--{section}{dot}{key}{shown}"
 
 

@@ -42,7 +42,7 @@ class TrainConfig:
     """Everything that determines a training run."""
 
     env: str
-    """Environment id."""
+    """Environment: an id, an id with arguments `ID?NAME=VALUE`, MODULE:ID or MODULE:FUNCTION."""
     core: str | None = None
     """Core id or folder, or the directory of a finished run; None trains from scratch."""
     member: Annotated[int, NOT_NEGATIVE] = 0

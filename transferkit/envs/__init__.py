@@ -7,7 +7,7 @@ from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
 from transferkit.envs.source import environment_ids, id_from_file, is_maker
 from transferkit.envs.vector import Count, Step, VectorEnv
-from transferkit.envs.written import EnvLike, is_written, name_of
+from transferkit.envs.written import EnvLike, is_written, name_of, written
 
 __all__ = [
     "NO_LIMIT",
@@ -36,4 +36,5 @@ __all__ = [
     "rollout",
     "time_step",
     "vary",
+    "written",
 ]

@@ -12,6 +12,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
+from gymnasium.wrappers import ClipAction
 from numpy.typing import NDArray
 
 from transferkit.envs.written import name_of
@@ -19,6 +20,11 @@ from transferkit.errors import EnvironmentContractError, NotFiniteError, Transfe
 
 NO_LIMIT = 10_000
 """Steps after which an episode of an environment without a time limit is truncated."""
+
+
+RESET = ("observation", "info")
+STEP = ("observation", "reward", "terminated", "truncated", "info")
+"""What Gymnasium's environments return."""
 
 
 class Contract(gymnasium.Wrapper):
@@ -30,7 +36,7 @@ class Contract(gymnasium.Wrapper):
 
     def __init__(self, env: gymnasium.Env, *, clip: bool = True, max_episode_steps: int | None = None) -> None:
         super().__init__(env)
-        actions, observations = env.action_space, env.observation_space
+        actions, observations = bounds(env), env.observation_space
         assert isinstance(actions, Box)
         assert isinstance(observations, Box)
         self.action_space = Box(-1.0, 1.0, actions.shape, np.float32)
@@ -53,7 +59,7 @@ class Contract(gymnasium.Wrapper):
         """
         self._steps = 0
         try:
-            observation, info = self.env.reset(seed=seed, options=options)
+            observation, info = self._answer(self.env.reset(seed=seed, options=options), "reset", RESET)
             observation = np.array(observation, np.float32)
         except (Exception, SystemExit) as error:
             raise self._broken(error, "reset") from error
@@ -72,7 +78,7 @@ class Contract(gymnasium.Wrapper):
             raise self._not_finite("the policy chose an action")
         self._steps += 1
         try:
-            observation, reward, terminated, truncated, info = self.env.step(scaled)
+            observation, reward, terminated, truncated, info = self._answer(self.env.step(scaled), "step", STEP)
             observation, reward = np.array(observation, np.float32), float(reward)
             terminated, truncated = bool(terminated), bool(truncated)
         except (Exception, SystemExit) as error:
@@ -95,6 +101,14 @@ class Contract(gymnasium.Wrapper):
             self.env.close()
         except (Exception, SystemExit) as error:
             raise self._broken(error, "close") from error
+
+    def _answer(self, answer: Any, call: str, wanted: tuple[str, ...]) -> Any:  # noqa: ANN401 - of somebody else's code
+        if not isinstance(answer, tuple) or len(answer) != len(wanted):
+            count = len(answer) if isinstance(answer, tuple) else type(answer).__name__
+            raise EnvironmentContractError(
+                f"{call} of {name_of(self.env)} returned {count} values", allowed=f"{len(wanted)}: {', '.join(wanted)}"
+            )
+        return answer
 
     def _check(self, observation: NDArray[np.float32], reward: float, info: object) -> None:
         if observation.shape != self.observation_space.shape or not isinstance(info, dict):
@@ -134,6 +148,13 @@ def _say_given_up(env: str) -> None:
     logging.getLogger("transferkit").warning(
         "%s has no time limit: an episode is truncated after %d steps; env_config.max_episode_steps sets another", env, NO_LIMIT
     )
+
+
+def bounds(env: gymnasium.Env) -> gymnasium.Space:
+    """The space of an environment's actions; behind Gymnasium's `ClipAction`, which declares none, what it clips to."""
+    while isinstance(env, ClipAction):
+        env = env.env
+    return env.action_space
 
 
 def dims(env: gymnasium.Env) -> tuple[int, int]:

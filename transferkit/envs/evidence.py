@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.frozen import State
-from transferkit.envs.memory import QUIET, SAMPLES, changed, measure_memory
+from transferkit.envs.memory import DRAWS, LONGEST, QUIET, SAMPLES, changed, measure_memory
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Prober:
     def samples(self) -> Samples:
         """Observe random states."""
         states = [self._random_state() for _ in range(SAMPLES)]
-        observation = self._visit(states) - self._memory.bias
+        observation = self._averaged(states)
         model, data = self._simulation.model, self._simulation.data
         addresses = [_angle_address(model, dof) for dof in range(model.nv)]
         position = [[np.nan if a is None else state.qpos[a] for a in addresses] for state in states]
@@ -108,10 +108,20 @@ class Prober:
 
     def responses(self) -> Responses:
         """See what each action does at the reference pose."""
-        self._delay = self._action_delay()
-        none = self._look_at(self._idle)
+        self._frozen.pinned = False  # an action that is late by chance comes in the end
+        self._settling = self._steps_to_settle() + (2 * QUIET if self._frozen.noisy else 0)
         each = [[(share, self._look_at(self._only(k, share))) for share in _both_ways()] for k in range(self._act_dim)]
+        none = self._look_at(self._idle)
+        self._frozen.pinned = True
         return Responses(none, each)
+
+    def _averaged(self, states: Sequence[State]) -> NDArray[np.float64]:
+        """What each element says of each state, over several draws of noise that are each the same in all states."""
+        draws = []
+        for _ in range(DRAWS if self._frozen.noisy else 1):
+            draws.append(self._visit(states))
+            self._frozen.redraw()
+        return np.mean(draws, axis=0)
 
     def _visit(self, states: Sequence[State]) -> NDArray[np.float64]:
         """What each element says of each state, `(len(states), obs_dim)`."""
@@ -192,19 +202,20 @@ class Prober:
         bounds = np.where(limited[:, None], model.actuator_ctrlrange, [-1.0, 1.0])
         return bounds[np.arange(model.nu), self._rng.integers(0, 2, model.nu)]
 
-    def _action_delay(self) -> int:
-        """Steps until an action reaches the simulation; 0 if none does."""
-        self._frozen.see_all([self._at_rest(self._idle)] * 2 * QUIET)
-        before, action = self._frozen.look(self._at_rest(self._idle)), self._random_action()
-        for step in range(2 * QUIET):
-            now = self._frozen.look(self._at_rest(action))
-            if (now.control != before.control).any() or (now.force != before.force).any():
-                return step
-        return 0
+    def _steps_to_settle(self) -> int:
+        """Steps after the first until an action has reached the simulation as far as it ever does."""
+        looks = [self._frozen.look(self._at_rest(self._idle)) for _ in range(2 * QUIET)]
+        action, last_news = self._at_rest(self._random_action()), 0
+        looks = looks[-1:]
+        while len(looks) - 1 - last_news < 2 * QUIET and len(looks) < LONGEST:
+            looks.append(self._frozen.look(action))
+            if not looks[-1].like(looks[-2]):
+                last_news = len(looks) - 1
+        return max(0, last_news - 1)
 
     def _look_at(self, action: NDArray[np.float32]) -> Look:
         state = self._at_rest(action)
-        self._frozen.see_all([state] * self._delay)
+        self._frozen.see_all([state] * self._settling)
         return self._frozen.look(state)
 
     def _at_rest(self, action: NDArray[np.float32]) -> State:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.memento import generators
+from transferkit.errors import TransferkitError
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
@@ -29,8 +30,14 @@ MOMENT = 1e-13
 REPEATS = ("frame_skip", "_n_sub_steps")
 """Attributes of Gymnasium's and dm_control's environments: physics steps of a control step, one of which is enough."""
 
+STEPS = ("mj_step", "mj_step1", "mj_step2")
+"""MuJoCo's functions that let time pass."""
+
 FOLLOWING = [int(kind) for kind in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT, mujoco.mjtDyn.mjDYN_MUSCLE)]
 """Dynamics of actuators whose activation goes where the control is."""
+
+RESISTANCE = int(mujoco.mjtDisableBit.mjDSBL_LIMIT) | int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
+"""What would hold a joint that an action pushes: the reference pose may be outside its range."""
 
 ENDING = "_reset_next_step"
 """Attribute of dm_control's environments, set when an episode has ended."""
@@ -65,13 +72,19 @@ class Look:
     acceleration: NDArray[np.float64]
     """`(nv,)`."""
 
+    def like(self, other: Look) -> bool:
+        """Whether control and force are the same but for rounding."""
+        pairs = ((self.control, other.control), (self.force, other.force))
+        return all(np.allclose(own, another, rtol=1e-9, atol=1e-12) for own, another in pairs)
+
 
 class Frozen:
     """Holds an environment still, as a context; afterwards its time runs and its generators are as before."""
 
-    def __init__(self, env: gymnasium.Env, simulation: Simulation) -> None:
-        """Take an environment under the contract."""
-        self._env, self._simulation = env, simulation
+    def __init__(self, env: gymnasium.Env, simulation: Simulation, pace: float, *, by_clock: bool = False) -> None:
+        """Take an environment under the contract, the simulated time of its steps, and whether they wait for a time to come."""
+        self._env, self._simulation, self._pace, self._by_clock = env, simulation, pace, by_clock
+        self._clock = 0.0
         self.pinned = True
         """Whether all noise is drawn from the same state of its generators in every step."""
         self.time_step = simulation.model.opt.timestep
@@ -83,9 +96,12 @@ class Frozen:
         option = self._simulation.model.opt
         self._integrator = option.integrator
         keepers = self._simulation.keepers
-        self._repeats = [(own, name, vars(own)[name]) for own in keepers for name in REPEATS if name in vars(own)]
+        self._repeats = [(own, name, vars(own)[name]) for own in keepers for name in REPEATS if _counts(own, name)]
         for keeper, name, _ in self._repeats:
             setattr(keeper, name, 1)
+        self._real = {name: getattr(mujoco, name) for name in STEPS} if self._by_clock else {}
+        for name in self._real:
+            setattr(mujoco, name, _stand)
         self._ending = [keeper for keeper in keepers if ENDING in vars(keeper)]
         return self
 
@@ -94,6 +110,8 @@ class Frozen:
         option.timestep, option.integrator = self.time_step, self._integrator
         for keeper, name, repeats in self._repeats:
             setattr(keeper, name, repeats)
+        for name, step in self._real.items():
+            setattr(mujoco, name, step)
         for pin in self._generators:
             pin.restore()
 
@@ -103,9 +121,16 @@ class Frozen:
         Raises:
             ElusiveError: the step leads elsewhere.
         """
-        for _ in range(TRIES):
+        self._clock += self._pace
+        for attempt in range(TRIES):
             self._put(state)
-            observation = self._env.step(state.action)[0]
+            try:
+                observation = self._env.step(state.action)[0]
+            except TransferkitError:
+                if attempt == TRIES - 1:
+                    raise
+                self._env.reset(seed=0)  # some allow no step after the end of an episode
+                continue
             if self._noisy is None:
                 self._noisy = [pin for pin in self._generators if pin.moved()]
             data = self._simulation.data
@@ -117,13 +142,24 @@ class Frozen:
         """Observe one state after the other, `(len(states), obs_dim)`."""
         return np.array([self.see(state) for state in states])
 
+    @property
+    def noisy(self) -> bool:
+        """Whether an environment draws anything in a step."""
+        return bool(self._noisy)
+
+    def redraw(self) -> None:
+        """Hold the noise at its next draw."""
+        self._noisy = [pin.renewed() for pin in self._noisy or ()]
+
     def look(self, state: State) -> Look:
         """What an action does in a state."""
         self.see(state)
         model, data = self._simulation.model, self._simulation.data
         data.qpos[:], data.qvel[:] = state.qpos, state.qvel  # exactly: a contact may be a hair's breadth away
         _settle_activations(model, data)
+        flags, model.opt.disableflags = model.opt.disableflags, model.opt.disableflags | RESISTANCE
         mujoco.mj_forward(model, data)
+        model.opt.disableflags = flags
         force = data.qfrc_actuator + data.qfrc_applied
         if data.xfrc_applied.any():
             force = force + _of_bodies(model, data)
@@ -131,7 +167,9 @@ class Frozen:
 
     def _put(self, state: State) -> None:
         model, data = self._simulation.model, self._simulation.data
-        model.opt.timestep, model.opt.integrator = MOMENT, mujoco.mjtIntegrator.mjINT_EULER
+        model.opt.timestep = self.time_step if self._by_clock else MOMENT
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        data.time = self._clock
         data.qpos[:], data.qvel[:], data.act[:], data.qacc_warmstart[:] = state.qpos, state.qvel, state.act, 0.0
         for keeper in self._ending:
             setattr(keeper, ENDING, False)
@@ -139,6 +177,17 @@ class Frozen:
             mujoco.mj_step1(model, data)  # which dm_control takes for done
         for pin in (self._noisy or ()) if self.pinned else ():
             pin.restore()
+
+
+def _counts(keeper: object, name: str) -> bool:
+    """Whether an attribute counts physics steps of a control step, and nothing else: composer's delays are of such steps."""
+    return name in vars(keeper) and "_observation_updater" not in vars(keeper)
+
+
+def _stand(model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:
+    """In place of MuJoCo's steps, for an environment that waits until a time has come: time passes, and nothing moves."""
+    mujoco.mj_forward(model, data)
+    data.time += nstep * model.opt.timestep
 
 
 def _near(now: NDArray[np.float64], then: NDArray[np.float64]) -> bool:

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
+from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
 from transferkit.env_id import EnvId
-from transferkit.envs.contract import Contract, dims, failed
+from transferkit.envs.contract import Contract, bounds, dims, failed, time_step
 from transferkit.envs.simulation import model_bytes
 from transferkit.envs.source import is_maker, raw_env
 from transferkit.envs.vary import Varied
@@ -64,7 +64,7 @@ def make_env(
         raw, clip_actions = raw.env, clip_actions and raw.clip
     name = name_of(env if isinstance(env, str) else raw)
     try:
-        spaces = (("action", raw.action_space, True), ("observation", raw.observation_space, False))
+        spaces = (("action", bounds(raw), True), ("observation", raw.observation_space, False))
     except Exception as error:  # of an environment of the user's
         raise failed(name, "its spaces", error) from error
     for what, space, bounded in spaces:
@@ -73,9 +73,10 @@ def make_env(
                 f"{what} space of {name}",
                 value=space,
                 allowed=f"a flat{' and bounded' * bounded} Box",
+                remedy="wrap it in gymnasium.wrappers.FlattenObservation" if isinstance(space, Dict) else "",
                 topic="environments",
             )
-    _check_room(raw.action_space, name)
+    _check_room(bounds(raw), name)
     return Contract(raw, clip=clip_actions, max_episode_steps=max_episode_steps)
 
 
@@ -102,8 +103,9 @@ def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbe
         return raw_env(str(replace(given, variation={**given.variation, **variation})))
     raw = raw_env(env)
     raw = raw.env if isinstance(raw, Contract) else raw
-    again = (lambda: raw_env(env)) if is_maker(env) else None
-    return Varied(raw, variation, again)
+    if isinstance(raw, Varied):
+        return raw.with_more(variation)
+    return Varied(raw, variation, (lambda: raw_env(env)) if is_maker(env) else None)
 
 
 def copies_of(env: EnvLike) -> str | Callable[[], gymnasium.Env]:
@@ -152,18 +154,28 @@ def opened(env: EnvLike, **rules: Any) -> Iterator[Env]:  # noqa: ANN401 - those
 
 
 def _copied(env: gymnasium.Env) -> gymnasium.Env:
+    """Copy an environment as it is now; Gymnasium's own way makes it again from the arguments that it was made with."""
+    chain = [env]
+    while isinstance(chain[-1], gymnasium.Wrapper):
+        chain.append(chain[-1].env)
+    twins: list[Any] = [object.__new__(type(one)) for one in chain]
+    memo: dict[int, Any] = {id(one): twin for one, twin in zip(chain, twins, strict=True)}
     try:
-        return copy.deepcopy(env)
+        for one, twin in reversed([*zip(chain, twins, strict=True)]):
+            vars(twin).update({name: copy.deepcopy(value, memo) for name, value in vars(one).items()})
     except Exception as error:  # whatever an attribute of the user's raises
         raise EnvironmentContractError(
             f"environment {name_of(env)} cannot be copied: {type(error).__name__}: {error}",
             remedy="give a function that makes one",
             topic="environments",
         ) from None
+    return twins[0]
 
 
 def _same_model(env: gymnasium.Env, other: gymnasium.Env) -> bool:
-    return model_bytes(env) == model_bytes(other)
+    """Whether the models are the same, and the physics steps of a control step."""
+    paces = [(time_step(one), getattr(one.unwrapped, "frame_skip", None)) for one in (env, other)]
+    return paces[0] == paces[1] and model_bytes(env) == model_bytes(other)
 
 
 def _check_room(space: gymnasium.Space, name: str) -> None:

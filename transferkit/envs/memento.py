@@ -44,6 +44,10 @@ class Pin:
         """Bring the state back."""
         self._put(self._state)
 
+    def renewed(self) -> Pin:
+        """The state as it is now."""
+        return Pin(self._get, self._put)
+
 
 def generators(env: gymnasium.Env) -> list[Pin]:
     """Note the state of every random generator that an environment reaches, and of the global ones."""

@@ -21,8 +21,8 @@ SAMPLES = 24
 QUIET, LONGEST = 8, 128
 """Steps without news after which nothing older is expected, and the most that are waited for."""
 
-DRAWS = 32
-"""Observations of one state with noise."""
+DRAWS = 16
+"""Draws of noise that samples are averaged over."""
 
 
 @dataclass(frozen=True)
@@ -39,30 +39,41 @@ class Memory:
     """It grows by the same in every step, whatever happens."""
     mixed: NDArray[np.bool_]
     """It says something of several steps at once."""
-    bias: NDArray[np.float64]
-    """What the one draw of noise, which all observations have, adds to the mean."""
 
 
 def measure_memory(frozen: Frozen, states: Sequence[State]) -> Memory:
     """Hold states, the first until everything has settled, and see when the others are noticed."""
     calm = _hold(frozen, states[0])[1:][-3 * QUIET :]
-    steps = np.diff(calm, axis=0)
-    restless = _restless(calm)
-    time = restless & (np.ptp(steps, axis=0) <= 1e-5 * np.abs(steps).max(axis=0))
-    drifts = restless & (np.abs(steps.sum(axis=0)) > 0.5 * np.abs(steps).sum(axis=0))
-    noise = np.where(restless & ~drifts, calm.std(axis=0), 0.0)
-    age, mixed, before = np.full(calm.shape[1], LONGEST), drifts & ~time, calm[-1]
+    restless, growth = _restless(calm), np.diff(calm, axis=0).mean(axis=0)
+    time = restless & _grows(calm, growth)
+    smooth = restless & ~time & _smooth(calm)
+    noise = np.where(restless & ~time & ~smooth, calm.std(axis=0), 0.0)
+    age, mixed, before = np.full(calm.shape[1], LONGEST), smooth, calm[-1]
     for state in states[1:]:
         after = _hold(frozen, state)
         first, moves_on = _notice(before, after, noise)
-        age, mixed, before = np.minimum(age, first), mixed | (moves_on & ~restless), after[-1]
+        wavers = time & ~_grows(after, growth)
+        age, mixed, before = np.minimum(age, first), mixed | wavers | (moves_on & ~restless), after[-1]
+    time = time & ~mixed
     age[(age == LONGEST) | time | mixed] = 0
-    bias, doubt = _noise_mean(frozen, states[0], int(age.max(initial=0)))
-    return Memory(age, noise, doubt, time, mixed, np.where((noise == 0) & ~time & ~mixed, bias, 0.0))
+    doubt = _noise_of_mean(frozen, states[0]) if frozen.noisy or noise.any() else np.zeros_like(noise)
+    return Memory(age, noise, doubt, time, mixed)
+
+
+def _grows(seen: NDArray[np.float64], growth: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether an element changes by the same in every step."""
+    return np.asarray((np.abs(np.diff(seen, axis=0) - growth) <= 1e-4 * np.abs(growth)).all(axis=0))
+
+
+def _smooth(seen: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether an element that never rests moves along rather than about: a clock, a filter, a running mean."""
+    centred = seen - seen.mean(axis=0)
+    power = (centred**2).sum(axis=0)
+    return np.asarray((centred[1:] * centred[:-1]).sum(axis=0) > 0.6 * power)
 
 
 def _restless(seen: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return changed(seen[:-1], seen[1:]).all(axis=0)
+    return np.asarray(changed(seen[:-1], seen[1:]).all(axis=0))
 
 
 def changed(
@@ -96,12 +107,9 @@ def _notice(
     return first, np.asarray((changed(after, at_first, noise) & later).any(axis=0))
 
 
-def _noise_mean(frozen: Frozen, state: State, oldest: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """What the one draw of noise that all observations have adds, and the standard error of the mean of noise."""
-    pinned = frozen.see_all([state] * (1 + oldest))[-1]
+def _noise_of_mean(frozen: Frozen, state: State) -> NDArray[np.float64]:
+    """Standard error of the mean over as many draws of noise as samples are averaged over."""
     frozen.pinned = False
-    free = frozen.see_all([state] * 2)
-    if (free != pinned).any():
-        free = frozen.see_all([state] * DRAWS)
+    free = frozen.see_all([state] * 2 * DRAWS)
     frozen.pinned = True
-    return pinned - free.mean(axis=0), free.std(axis=0) / np.sqrt(min(DRAWS, SAMPLES))
+    return free.std(axis=0) / np.sqrt(DRAWS)

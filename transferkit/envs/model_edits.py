@@ -68,7 +68,7 @@ def _mass(spec: mujoco.MjSpec, part: str, factor: float) -> None:
 
 def _length(spec: mujoco.MjSpec, part: str, factor: float) -> None:
     """Stretch bodies away from their own joint; what hangs on them moves along, and keeps its size."""
-    before = compiled(spec.copy())
+    before = compiled(spec)
     for body in _parts("length", part, spec.bodies[1:]):
         if body.explicitinertial:
             raise ConfigError(f"length of body {body.name}: its inertia is given in numbers", topic="variations")
@@ -111,6 +111,9 @@ def _friction(spec: mujoco.MjSpec, part: str, factor: float) -> None:
     """Sliding friction; torsional and rolling friction stay."""
     for geom in _parts("friction", part, spec.geoms):
         geom.friction = geom.friction * (factor, 1.0, 1.0)
+    for pair in spec.pairs:
+        if not part or part in (pair.geomname1, pair.geomname2):
+            pair.friction = pair.friction * (factor, factor, 1.0, 1.0, 1.0)
 
 
 def _gravity(spec: mujoco.MjSpec, part: str, factor: float) -> None:
@@ -153,11 +156,12 @@ def _dead(spec: mujoco.MjSpec, places: Sequence[Place]) -> list[Any]:
 
 def _joint_of(body: Any) -> NDArray[np.float64]:  # noqa: ANN401 - MjsBody
     """Where a body is joined to its parent, in its own frame."""
-    hinges = [joint.pos for joint in body.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE]
-    return np.array(hinges[-1]) if hinges else np.zeros(3)
+    turning = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_BALL)
+    anchors = [joint.pos for joint in body.joints if joint.type in turning]
+    return np.array(anchors[-1]) if anchors else np.zeros(3)
 
 
 def _rotation(model: mujoco.MjModel, body: Any) -> NDArray[np.float64]:  # noqa: ANN401 - MjsBody
     matrix = np.empty(9)
-    mujoco.mju_quat2Mat(matrix, model.body(body.name).quat)
+    mujoco.mju_quat2Mat(matrix, model.body_quat[body.id])
     return matrix.reshape(3, 3)

@@ -91,15 +91,17 @@ def _derive(env: EnvLike) -> IOSpec:
 def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
     assert isinstance(made, Contract)
     simulation = open_simulation(made)
-    pace = _pace(made, simulation)
+    pace, by_clock = _pace(made, simulation)
     if not pace:
-        LOGGER.warning("%s has no `dt`, and no simulated time passes in its steps: how long they are is not known", env_id)
+        LOGGER.warning(
+            "how long the steps of %s are is not known: it has no `dt`, and no simulated time was seen to pass", env_id
+        )
     if simulation is None:
         backend, joints, actuators = "other", [], unknown_actuators(made.low, made.high)
         elements = _unknown(labels(made.env))
     else:
         backend, joints = simulation.backend, read_joints(simulation.model)
-        elements, actuators = _probed(made, simulation, joints)
+        elements, actuators = _probed(made, simulation, joints, Frozen(made, simulation, pace, by_clock=by_clock))
     return IOSpec(
         env_id=env_id,
         backend=backend,
@@ -112,13 +114,15 @@ def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
     )
 
 
-def _probed(made: Contract, simulation: Simulation, joints: list[Joint]) -> tuple[list[Element], list[Actuator]]:
+def _probed(
+    made: Contract, simulation: Simulation, joints: list[Joint], frozen: Frozen
+) -> tuple[list[Element], list[Actuator]]:
     """Elements and actuators; what cannot be probed is unknown, and why is said."""
     (obs_dim, act_dim), names = dims(made), labels(made.env)
     try:
         elusive = _elusive(made)
         made.reset(seed=0)
-        with Frozen(made, simulation) as frozen:
+        with frozen:
             prober = Prober(frozen, simulation, obs_dim, act_dim)
             actuators = read_actuators(made.low, made.high, prober.responses(), simulation.model, joints)
             forms = Forms(
@@ -144,15 +148,24 @@ def _elusive(made: gymnasium.Env) -> NDArray[np.bool_]:
     return np.ptp(np.array(seen, float), axis=0) > 0
 
 
-def _pace(made: gymnasium.Env, simulation: Simulation | None) -> float:
-    """Seconds of simulated time that a control step takes, whatever wrapper repeats it; as declared, outside MuJoCo."""
+def _pace(made: gymnasium.Env, simulation: Simulation | None) -> tuple[float, bool]:
+    """Seconds of simulated time of a control step, as declared outside MuJoCo; and whether a step waits for a time to come."""
     declared = time_step(made)
     if simulation is None:
-        return declared
+        return declared, False
+    passed = _passed(made, simulation)
+    simulation.model.opt.timestep /= 2
+    slower = _passed(made, simulation)
+    simulation.model.opt.timestep *= 2
+    by_clock = passed > 0 and slower > 0.75 * passed
+    return declared if passed <= 0 or np.isclose(passed, declared) else passed, by_clock
+
+
+def _passed(made: gymnasium.Env, simulation: Simulation) -> float:
+    made.reset(seed=0)
     before = simulation.data.time
     made.step(np.zeros(dims(made)[1], np.float32))
-    passed = round(simulation.data.time - before, 9)
-    return declared if passed <= 0 or np.isclose(passed, declared) else passed
+    return round(simulation.data.time - before, 9)
 
 
 def _unknown(names: list[str]) -> list[Element]:

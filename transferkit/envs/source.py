@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
+import inspect
 import os
 import sys
 from collections.abc import Callable
@@ -60,12 +61,20 @@ def raw_env(env: EnvLike, render_mode: str | None = None) -> gymnasium.Env:
     return raw_env(made) if isinstance(made, str) else _adapted(made)
 
 
-def id_from_file(env_id: str, source: str | Path, named: str | None = None) -> str:
+def id_from_file(env_id: str, source: str | Path, named: str | None = None, *, only: bool = False) -> str:
     """Take an environment that a file names; Gymnasium imports the module before a colon, which only the user may ask for.
+
+    Args:
+        env_id: what the file says.
+        source: the file.
+        named: what the user says.
+        only: no other environment will do.
 
     Raises:
         EnvironmentContractError: it has a module and is not the one that the user named, or it is not in writing.
     """
+    if only and named is not None and is_written(env_id) and named != env_id:
+        raise EnvironmentContractError(f"{source} is of {env_id}, not of {named}", remedy=f"name that: {{env={env_id}}}")
     if not is_written(env_id):
         if named is None:
             raise EnvironmentContractError(
@@ -91,7 +100,10 @@ def _adapted(env: Any) -> gymnasium.Env:  # noqa: ANN401 - Gymnasium's, dm_contr
     if _is_native(native):
         import envs_dmc  # noqa: PLC0415 - takes seconds to import
 
-        return envs_dmc.DmControlEnv(native, render_mode=getattr(env, "render_mode", None))
+        try:
+            return envs_dmc.DmControlEnv(native, render_mode=getattr(env, "render_mode", None))
+        except Exception as error:  # of somebody else's environment
+            raise failed(type(native).__name__, "its specs", error) from error
     if not isinstance(env, gymnasium.Env):
         raise EnvironmentContractError(
             f"env is of type {type(env).__name__}",
@@ -124,9 +136,17 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
     try:
         make = _function_in(module, name) if colon else None
         if make is not None:
-            return _adapted(make(**kwargs))
+            made = make(**kwargs) if _takes(make, kwargs) else make(**given.kwargs)
+            return raw_env(made) if isinstance(made, str) else _adapted(made)
         return gymnasium.make(given.id, disable_env_checker=True, **kwargs)
     except (gymnasium.error.UnregisteredEnv, gymnasium.error.NameNotFound):
+        if colon:
+            raise UnknownNameError(f"id or function of module {module}", name, _names_in(module)) from None
+        if given.id.endswith(".xml"):
+            raise EnvironmentContractError(
+                f"{given.id} is a model and not an environment",
+                remedy="give it to one, such as 'Ant-v5?xml_file=FILE', or write a class around it (docs/own_environment.md)",
+            ) from None
         raise UnknownNameError("environment", given.id, environment_ids(), topic="environments") from None
     except (gymnasium.error.Error, ModuleNotFoundError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
@@ -139,10 +159,27 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
 
 def _function_in(module: str, name: str) -> Callable[..., Any] | None:
     """The function of this name in a module that the user named, which may lie in the working directory."""
-    if os.getcwd() not in sys.path:
+    if importlib.util.find_spec(module.partition(".")[0]) is None and os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())
     found = getattr(importlib.import_module(module), name, None) if name.isidentifier() else None
     return found if callable(found) else None
+
+
+def _names_in(module: str) -> list[str]:
+    """What a module offers: the ids that it registers, and its own functions."""
+    own = vars(sys.modules[module])
+    ids = [name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith(module)]
+    ids += [name for name, spec in gymnasium.registry.items() if getattr(spec.entry_point, "__module__", None) == module]
+    return ids + [name for name, value in own.items() if inspect.isfunction(value) and value.__module__ == module]
+
+
+def _takes(make: Callable[..., Any], kwargs: dict[str, Any]) -> bool:
+    """Whether a function takes these arguments; most know no `render_mode`."""
+    try:
+        inspect.signature(make).bind(**kwargs)
+    except TypeError:
+        return False
+    return True
 
 
 def _check_files(text: str, kwargs: dict[str, Any]) -> None:

@@ -8,7 +8,8 @@ import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -21,6 +22,9 @@ from transferkit.envs.simulation import open_simulation
 from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
 from transferkit.physics import mujoco
 from transferkit.variation import Variation, draw
+
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
 
 LOADERS = ("from_xml_path", "from_xml_string")
 """Methods of `MjModel` that read a model."""
@@ -41,10 +45,14 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         """
         RecordConstructorArgs.__init__(self, variation=variation)
         super().__init__(env)
+        self._again = again
         self.variation = Variation.read(variation)
         changes_model = bool(self.variation.factors or self.variation.dead_actuator)
         self._model = _Model(env, again) if changes_model else None
-        self._names = _names(env) if self._by_name else []
+        spec = _spec(env) if self._by_name else None
+        self._names = [] if spec is None else [element.name for element in spec.observation]
+        drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
+        self._dead = [drives.get(str(place), place) for place in self.variation.dead_actuator]
         size = _size(env)
         dropped = [self._index(place) for place in self.variation.drop_observation]
         self._kept = np.array([i for i in range(size) if i not in dropped], int)
@@ -71,15 +79,22 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         observation, reward, terminated, truncated, info = self.env.step(self._late.popleft())
         return self._observed(observation), reward, terminated, truncated, info
 
+    def with_more(self, variation: dict[str, Any]) -> Varied:
+        """The same environment with more changes, in place of those of the same name."""
+        if self._model is not None:
+            self._model.restore()
+        return Varied(self.env, {**self.variation.written(), **variation}, self._again)
+
     @property
     def _by_name(self) -> bool:
-        return any(self.variation.noise) or any(isinstance(place, str) for place in self.variation.drop_observation)
+        places = (*self.variation.drop_observation, *self.variation.dead_actuator)
+        return any(self.variation.noise) or any(isinstance(place, str) for place in places)
 
     def _begin(self, seed: int | None) -> None:
         if seed is not None or not hasattr(self, "_rng"):
             self._rng = np.random.default_rng([zlib.crc32(b"variation"), seed or 0])
         if self._model is not None and (self.variation.drawn or not self._model.changed):
-            self._model.change(self.variation.draw(self._rng), self.variation.dead_actuator)
+            self._model.change(self.variation.draw(self._rng), self._dead)
         low, high = (int(end) for end in self.variation.delay)
         self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
         self._deviation = np.zeros(_size(self.env))
@@ -128,28 +143,33 @@ class _Model:
         del env
         return self._simulation.model is not self._live
 
+    def restore(self) -> None:
+        """Give the environment's model its own numbers back."""
+        for name, changed in self.changed.items():
+            attrgetter(name)(self._live)[changed] = attrgetter(name)(self._base)[changed]
+        self.changed = {}
+
     def change(self, factors: dict[str, dict[str, float]], dead: Any) -> None:  # noqa: ANN401
         """Give the environment's model the numbers of a changed one."""
         model = edited(self._spec, factors, dead)
-        for name, changed in self.changed.items():
-            getattr(self._live, name)[changed] = getattr(self._base, name)[changed]
+        self.restore()
         self.changed = _differences(self._base, model)
         for name, different in self.changed.items():
-            live, base, new = (getattr(one, name) for one in (self._live, self._base, model))
+            live, base, new = (attrgetter(name)(one) for one in (self._live, self._base, model))
             if not np.array_equal(live[different], base[different]):
                 raise ConfigError(
                     f"{name} of the model is changed after it is loaded, so it cannot be varied", topic="variations"
                 )
             live[different] = new[different]
-        self._live.opt.gravity[:] = model.opt.gravity
-        self._live.stat.meaninertia = model.stat.meaninertia
+        if model.stat.meaninertia != self._base.stat.meaninertia:
+            self._live.stat.meaninertia = model.stat.meaninertia
 
 
 def _differences(base: mujoco.MjModel, new: mujoco.MjModel) -> dict[str, NDArray[np.bool_]]:
     """Where the arrays of two models differ, by name."""
     found = {}
     for name in _array_names():
-        before, after = getattr(base, name), getattr(new, name)
+        before, after = (attrgetter(name)(model) for model in (base, new))
         if before.shape != after.shape:
             raise ConfigError(f"{name} of the varied model has another shape", topic="variations")
         if not np.array_equal(before, after, equal_nan=before.dtype.kind == "f"):
@@ -162,7 +182,7 @@ def _array_names() -> list[str]:
     """The arrays of a model, but for pictures."""
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     names = [name for name in dir(model) if not name.startswith(("_", "tex_"))]
-    return [name for name in names if isinstance(getattr(model, name), np.ndarray)]
+    return ["opt.gravity", *(name for name in names if isinstance(getattr(model, name), np.ndarray))]
 
 
 def _source(env: gymnasium.Env, again: Callable[[], gymnasium.Env] | None) -> mujoco.MjSpec:
@@ -214,10 +234,10 @@ def _read(loader: str, source: str | bytes = "", assets: dict[str, bytes] | None
     return mujoco.MjSpec.from_string(text, include={k: v for k, v in files.items() if k.endswith(".xml")}, assets=files)
 
 
-def _names(env: gymnasium.Env) -> list[str]:
+def _spec(env: gymnasium.Env) -> IOSpec:
     from transferkit.envs.probe import derive_spec  # noqa: PLC0415 - which makes environments
 
-    return [element.name for element in derive_spec(env).observation]
+    return derive_spec(env)
 
 
 def _size(env: gymnasium.Env) -> int:

@@ -41,6 +41,8 @@ def is_written(env: str) -> bool:
 
 def written(env: gymnasium.Env) -> str:
     """What a record says of an environment: an id with keyword arguments that makes it again, or `<its name>`."""
+    if type(env).__name__ == "Contract":
+        return written(env.unwrapped if not isinstance(env, gymnasium.Wrapper) else env.env)
     if isinstance(env, Varied):
         plain = written(env.env)
         varied = EnvId.read(plain) if is_written(plain) else None

@@ -62,7 +62,7 @@ class Policy(nn.Module):
             raise ConfigError(
                 f"the policy takes {self.obs_dim} observations and {self.act_dim} actions, environment {name} has "
                 f"{needed[0]} and {needed[1]}",
-                remedy=f"build it with wrap(core, '{name}')",
+                remedy="wrap a core onto that environment",
             )
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:

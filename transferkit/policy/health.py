@@ -73,7 +73,7 @@ def health(policy: Policy, env: EnvLike, *, steps: int = 500, seed: int = 0) -> 
         ConfigError: no policy, or one of other dimensions.
     """
     check_kind("policy", policy, Policy, "make one with wrap or scratch_policy")
-    policy.check_fits(dims_of(env), name_of(env))
+    policy.check_fits(dims_of(env), env if isinstance(env, str) else name_of(env))
     device = next(policy.parameters()).device
     observation = torch.from_numpy(play(env, steps, seed)).to(device)
     outputs: list[torch.Tensor] = []

@@ -25,7 +25,7 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from transferkit.envs import NO_LIMIT, dims, episode_limit, id_from_file, make_env
+from transferkit.envs import NO_LIMIT, dims, episode_limit, id_from_file, is_written, make_env
 from transferkit.errors import RecordingError
 from transferkit.record.datasets import import_minari
 from transferkit.record.format import Names
@@ -100,7 +100,7 @@ def export_minari(paths: Sequence[Path], dataset: str, *, env: str | None = None
     if not episodes:
         raise RecordingError(f"{paths[0]} holds no whole episode", remedy="record it again", topic="recordings")
     about = _common(episodes)
-    if env not in (None, about.spec.env_id):
+    if is_written(about.spec.env_id) and env not in (None, about.spec.env_id):
         raise RecordingError(
             f"{paths[0]} was recorded in {about.spec.env_id}, not in {env}", remedy=f"use {{env={about.spec.env_id}}}"
         )

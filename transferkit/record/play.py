@@ -41,6 +41,8 @@ class Subject:
     value: Value | None = None
     clip_actions: bool = True
     max_episode_steps: int | None = None
+    wrapped: bool = False
+    """Whether it was wrapped onto the environment just now, and is not trained there."""
     about: Mapping[str, Any] | None = None
     """JSON values for the metadata: the core, its digest, the run."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import itertools
 from collections.abc import Callable, Sequence
-from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +13,7 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.envs import Simulation, dims, id_from_file, make_env, open_simulation
+from transferkit.envs import Simulation, dims, id_from_file, open_simulation, opened
 from transferkit.errors import RecordingError
 from transferkit.physics import mujoco
 from transferkit.record.format import Names
@@ -24,6 +23,7 @@ from transferkit.streams import Streams
 from transferkit.versions import versions
 
 if TYPE_CHECKING:
+    from transferkit.envs import EnvLike
     from transferkit.record.format import About, Step
 
 PHYSICS = ("mujoco", "gymnasium", "dm-control", "shimmy", "numpy")
@@ -50,13 +50,13 @@ class Replayed:
 
 
 def replay_recording(
-    path: str | Path, *, env: str | None = None, on_frame: OnFrame | None = None, render: bool = False
+    path: str | Path, *, env: EnvLike | None = None, on_frame: OnFrame | None = None, render: bool = False
 ) -> Replayed:
     """Reset to every episode's seed and first state, apply its actions, and compare states, observations and rewards.
 
     Args:
         path: the recording.
-        env: names the recording's environment, which is needed if its id imports a module.
+        env: the recording's environment, which is needed if no id makes it again or its id imports a module.
         on_frame: called with the environment before every step.
         render: make the environment so that it can be drawn.
 
@@ -73,11 +73,13 @@ def replay_recording(
     if not episodes:
         raise RecordingError(f"{path} holds no step, so nothing can be replayed", remedy="record it again")
     rules = {"clip_actions": about.clip_actions, "max_episode_steps": about.max_episode_steps}
-    made = make_env(id_from_file(about.spec.env_id, path, env), render_mode="rgb_array" if render else None, **rules)
-    with closing(made):
+    home = id_from_file(about.spec.env_id, path, env, only=True) if env is None or isinstance(env, str) else env
+    with opened(home, render_mode="rgb_array" if render else None, **rules) as made:
         tape = _Tape(made, _simulation(made, path), names, path)
         if dims(made) != (about.spec.obs_dim, about.spec.act_dim):
-            raise RecordingError(f"{path} was recorded in another version of {about.spec.env_id}", remedy="record it again")
+            raise RecordingError(
+                f"{path} was recorded in another environment than this {about.spec.env_id}", remedy="name its own: {env}"
+            )
         streams, differences = Streams(about.seed), []
         for steps in episodes:
             observation, _ = made.reset(seed=streams.integer("evaluation", steps[0].episode))

@@ -33,7 +33,7 @@ def verify(name: str | Path, *, rollout: bool = False, env: str | None = None) -
     core, card = load_core(folder), find_card(folder)
     report: dict[str, Any] = {"id": core.id, "probe": check_probe(core, folder)}
     if rollout:
-        source, rules = id_from_file(card.source.env_id, card.id, env), TrainConfig.from_json(card.config).env_config
+        source, rules = id_from_file(card.source.env_id, card.id, env, only=True), TrainConfig.from_json(card.config).env_config
         means = [
             evaluate(
                 core.policy(member),
