@@ -40,7 +40,7 @@ CORE = "inverted-pendulum-v1"
         pytest.param("train --env Hopper-v5 --steps 9 --core nope", "; `transferkit zoo list` lists the cores", id="core"),
         pytest.param(f"train --env Hopper-v5 --steps 9 --core {CORE} --wrap.freeze cor 1", "did you mean core?", id="part"),
         pytest.param(f"train --env Hopper-v5 --steps 9 --core {CORE} --member 9", "--member=9 must be 0 to 4", id="member"),
-        pytest.param("eval /nonexistent", "/nonexistent holds no run.json", id="run"),
+        pytest.param("eval /nonexistent", "unknown run or core '/nonexistent'", id="run"),
     ],
 )
 def test_mistakes_get_one_line_and_write_nothing(capsys, tmp_path, monkeypatch, arguments, message):

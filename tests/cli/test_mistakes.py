@@ -43,7 +43,7 @@ WORDS = {
     "eval x --sed 1": "unknown flag '--sed'; did you mean --seed",
     "eval x --episodes ten": "--episodes='ten' must be a whole number",
     "eval x more": "unexpected argument 'more'",
-    "eval": "required: RUN; `--help` explains the flags",
+    "eval": "required: RUN|CORE; `--help` explains the flags",
     "record x --ot x.mcap": "unknown flag '--ot'; did you mean --out or",
     "zoo lst": "unknown action 'lst'; did you mean list?",
     "--jsn": "unknown flag '--jsn'; did you mean --json?",

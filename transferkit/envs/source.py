@@ -17,7 +17,7 @@ from transferkit.env_id import EnvId
 from transferkit.envs.contract import failed
 from transferkit.envs.vary import Varied
 from transferkit.envs.written import is_written, name_of
-from transferkit.errors import EnvironmentContractError, TransferkitError, UnknownNameError
+from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError
 
 if TYPE_CHECKING:
     from transferkit.envs.written import EnvLike
@@ -105,7 +105,7 @@ def _adapted(env: Any) -> gymnasium.Env:  # noqa: ANN401 - Gymnasium's, dm_contr
         except Exception as error:  # of somebody else's environment
             raise failed(type(native).__name__, "its specs", error) from error
     if not isinstance(env, gymnasium.Env):
-        raise EnvironmentContractError(
+        raise ConfigError(
             f"env is of type {type(env).__name__}",
             remedy="give an id, an environment of Gymnasium or dm_control, or a function that makes one",
             topic="environments",
