@@ -26,8 +26,14 @@ FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 NUDGES = 3
 """Random states from which each degree of freedom is moved by itself."""
 
+MANY = 40
+"""Degrees of freedom from which on one state less is enough."""
+
 MOTIONS, STEPS_PER_MOTION = 20, 10
 """Random pushes, and physics steps of each."""
+
+LIFT = 0.3
+"""Metres by which a floating body is moved away from where it stands: contacts take most of the time."""
 
 SHARES = (1 / 64, 1.0)
 """Actions that are tried each way: small ones are not clipped, large ones overcome friction."""
@@ -85,8 +91,10 @@ class Prober:
     def evidence(self) -> Evidence:
         """Find what each element responds to."""
         positions, velocities = self._dependence()
-        controls, actions = self._action_dependence()
-        silent = ~(positions.any(1) | velocities.any(1) | controls)
+        stateless = ~(positions.any(1) | velocities.any(1))
+        controls = self._control_dependence()
+        actions = self._slopes() if (controls & stateless).any() else np.zeros((self._obs_dim, self._act_dim))
+        silent = stateless & ~controls
         motion = self._varies_in_motion() if silent.any() else np.zeros_like(silent)
         return Evidence(positions, velocities, controls, motion, actions, self._memory)
 
@@ -138,10 +146,11 @@ class Prober:
                 low, high = model.jnt_range[j] if model.jnt_limited[j] else (-2.0, 2.0)
                 middle, reach = (low + high) / 2, 0.45 * min(high - low, 4.0)
                 qpos[model.jnt_qposadr[j]] = self._rng.uniform(middle - reach, middle + reach)
-        free = np.isin(model.jnt_type[model.dof_jntid], (FREE, BALL))
-        turn = np.zeros(model.nv)
-        turn[free] = self._rng.uniform(-0.3, 0.3, free.sum())
-        mujoco.mj_integratePos(model, qpos, turn, 1.0)
+        floating = np.isin(model.jnt_type[model.dof_jntid], (FREE, BALL))
+        slides = np.array([_angle_address(model, dof) is not None for dof in range(model.nv)], bool) & floating
+        move = np.where(floating, self._rng.uniform(-0.3, 0.3, model.nv), 0.0)
+        move[slides] += LIFT
+        mujoco.mj_integratePos(model, qpos, move, 1.0)
         return State(qpos, self._rng.uniform(-1.0, 1.0, model.nv), self._idle if action is None else action)
 
     def _random_action(self) -> NDArray[np.float32]:
@@ -155,10 +164,11 @@ class Prober:
     def _dependence(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Move each degree of freedom by itself, as a position and as a velocity."""
         nv, states = self._simulation.model.nv, []
-        for _ in range(NUDGES):
+        bases = NUDGES if nv < MANY else NUDGES - 1
+        for _ in range(bases):
             base = self._random_state()
             states += [base, *self._nudged(base)]
-        seen = self._visit(states).reshape(NUDGES, 1 + 2 * nv, self._obs_dim)
+        seen = self._visit(states).reshape(bases, 1 + 2 * nv, self._obs_dim)
         answers = changed(seen[:, :1], seen[:, 1:], self._memory.noise).any(axis=0).T & ~self._memory.time[:, None]
         return answers[:, :nv], answers[:, nv:]
 
@@ -171,16 +181,20 @@ class Prober:
         for nudge in 0.05 * np.eye(model.nv):
             yield State(base.qpos, base.qvel + nudge, base.action)
 
-    def _action_dependence(self) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-        """Change the actions alone, all of them and one by one."""
-        base, other = self._random_state(), self._random_state()
-        each = [State(at.qpos, at.qvel, self._only(k, 0.5)) for at in (base, other) for k in range(self._act_dim)]
-        all_ = [State(base.qpos, base.qvel, self._random_action()) for _ in range(2)]
-        seen = self._visit([base, other, *all_, *each])
-        controls = changed(seen[0], seen[2:4], self._memory.noise).any(axis=0) & ~self._memory.time
-        slopes = (seen[4:].reshape(2, self._act_dim, -1) - seen[:2, None]) / 0.5
+    def _control_dependence(self) -> NDArray[np.bool_]:
+        """Change the actions alone."""
+        base = self._random_state()
+        seen = self._visit([base, *(State(base.qpos, base.qvel, self._random_action()) for _ in range(2))])
+        return changed(seen[:1], seen[1:], self._memory.noise).any(axis=0) & ~self._memory.time
+
+    def _slopes(self) -> NDArray[np.float64]:
+        """By how much an element changes with each action, if that is the same in two states; else 0."""
+        bases = [self._random_state() for _ in range(2)]
+        each = [State(at.qpos, at.qvel, self._only(k, 0.5)) for at in bases for k in range(self._act_dim)]
+        seen = self._visit([*bases, *each])
+        slopes = (seen[2:].reshape(2, self._act_dim, -1) - seen[:2, None]) / 0.5
         alike = np.isclose(slopes[0], slopes[1], rtol=1e-4, atol=1e-6).all(axis=0)
-        return controls, np.where(controls & alike, slopes[0], 0.0).T
+        return np.where(alike, slopes[0], 0.0).T
 
     def _varies_in_motion(self) -> NDArray[np.bool_]:
         """Let the controls push, and look at where that leads."""

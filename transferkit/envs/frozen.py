@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 MOMENT = 1e-13
 """Seconds of a physics step; an acceleration of 1e6 moves a velocity by less than what counts as a change."""
 
-REPEATS = ("frame_skip", "_n_sub_steps")
-"""Attributes of Gymnasium's and dm_control's environments: physics steps of a control step, one of which is enough."""
+STEPPING = {"frame_skip": 1, "_n_sub_steps": 1, "legacy_step": False}
+"""Attributes of Gymnasium's and dm_control's environments, by which a control step is one whole physics step."""
 
 STEPS = ("mj_step", "mj_step1", "mj_step2")
 """MuJoCo's functions that let time pass."""
@@ -96,9 +96,9 @@ class Frozen:
         option = self._simulation.model.opt
         self._integrator = option.integrator
         keepers = self._simulation.keepers
-        self._repeats = [(own, name, vars(own)[name]) for own in keepers for name in REPEATS if _counts(own, name)]
-        for keeper, name, _ in self._repeats:
-            setattr(keeper, name, 1)
+        self._stepping = [(own, name, vars(own)[name]) for own in keepers for name in STEPPING if _counts(own, name)]
+        for keeper, name, _ in self._stepping:
+            setattr(keeper, name, STEPPING[name])
         self._real = {name: getattr(mujoco, name) for name in STEPS} if self._by_clock else {}
         for name in self._real:
             setattr(mujoco, name, _stand)
@@ -108,8 +108,8 @@ class Frozen:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         option = self._simulation.model.opt
         option.timestep, option.integrator = self.time_step, self._integrator
-        for keeper, name, repeats in self._repeats:
-            setattr(keeper, name, repeats)
+        for keeper, name, value in self._stepping:
+            setattr(keeper, name, value)
         for name, step in self._real.items():
             setattr(mujoco, name, step)
         for pin in self._generators:
@@ -173,8 +173,6 @@ class Frozen:
         data.qpos[:], data.qvel[:], data.act[:], data.qacc_warmstart[:] = state.qpos, state.qvel, state.act, 0.0
         for keeper in self._ending:
             setattr(keeper, ENDING, False)
-        if self._simulation.backend == "dm_control":
-            mujoco.mj_step1(model, data)  # which dm_control takes for done
         for pin in (self._noisy or ()) if self.pinned else ():
             pin.restore()
 

@@ -30,7 +30,8 @@ class Simulation:
     @property
     def keepers(self) -> list[Any]:
         """The owner and what it is made of: one of them counts the steps."""
-        return [self.owner, *_parts(self.owner)]
+        physics = [self.owner.physics] if self.backend == "dm_control" else []
+        return [self.owner, *_parts(self.owner), *physics]
 
     @property
     def model(self) -> mujoco.MjModel:
