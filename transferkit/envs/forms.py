@@ -155,5 +155,5 @@ def _least_squares(design: NDArray, y: NDArray, tolerance: float) -> NDArray | N
 
 def _matching_column(y: NDArray, columns: NDArray, tolerance: float) -> int | None:
     misfit = np.abs(columns - y[:, None]).max(axis=0)
-    best = int(np.argmin(misfit))
+    best = int(np.flatnonzero(misfit <= misfit.min() + 1e-9)[0])  # the first of those that differ by rounding
     return best if misfit[best] <= tolerance else None

@@ -69,7 +69,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         """Draw what is a range, and start an episode."""
         self._begin(seed)
         observation, info = self.env.reset(seed=seed, options=options)
-        if self._model is not None and self._model.is_gone(self.env):
+        if self._model is not None and self._model.gone:
             raise ConfigError(f"{self.env} makes its model anew in every episode, so it cannot be varied", topic="variations")
         return self._observed(observation), info
 
@@ -138,9 +138,9 @@ class _Model:
         twin._live = twin._simulation.model
         return twin
 
-    def is_gone(self, env: gymnasium.Env) -> bool:
+    @property
+    def gone(self) -> bool:
         """Whether the environment has another model by now."""
-        del env
         return self._simulation.model is not self._live
 
     def restore(self) -> None:

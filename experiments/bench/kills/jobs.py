@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -117,9 +117,9 @@ def _whole(path: Path) -> bool:
     return path.stat().st_size > 0 and not read(path).flaw
 
 
-def _eager_cells(grid: Path) -> list[Cell]:
+def _eager_cells(grid: Path, named: Collection[str] = ()) -> list[Cell]:
     """A grid's cells with a checkpoint after every update."""
-    return [replace(cell, config=replace(cell.config, checkpoint_seconds=0.0)) for cell in load_cells(grid)]
+    return [replace(cell, config=replace(cell.config, checkpoint_seconds=0.0)) for cell in load_cells(grid, named)]
 
 
 class _Here:

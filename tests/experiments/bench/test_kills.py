@@ -83,6 +83,6 @@ def test_a_campaign_goes_on(tmp_path):
 
 def test_training_and_recording_go_on_to_the_same_bits(tmp_path):
     command = [sys.executable, "-m", "experiments.bench", "kills", "--kills", "4", "--out", str(tmp_path / "kills.json")]
-    done = subprocess.run([*command, "--jobs", "ppo", "record"], capture_output=True, text=True, check=False)
+    done = subprocess.run([*command, "--jobs", "ppo", "record", "matrix"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "at a random time" in done.stdout
