@@ -1,6 +1,7 @@
 """What users bring goes through every call: derived, matched with itself to the bit, wrapped, evaluated, recorded."""
 
 import gymnasium
+import mujoco
 import numpy as np
 import pytest
 from dm_control import composer, mjcf, suite
@@ -179,6 +180,39 @@ def test_position_and_filtered_actuators_have_the_acceleration_that_they_cause()
 def test_time_is_what_passes_in_the_simulation():
     assert derive_spec(Plain(MODELS["motors"])).time_step == pytest.approx(0.01)
     assert derive_spec(Repeat(pendulum())).time_step == pytest.approx(0.16)
+
+
+class Slotted:
+    """Keeps the simulation in slots."""
+
+    __slots__ = ("d", "m")
+
+    def __init__(self, model, data):
+        self.m, self.d = model, data
+
+
+@pytest.mark.parametrize("keep", [lambda m, d: (m, d), lambda m, d: {"m": m, "d": d}, Slotted, lambda m, d: [d]])
+def test_a_model_is_found_wherever_it_is_kept(keep):
+    class Hidden(Plain):
+        def __init__(self, xml):
+            super().__init__(xml)
+            self.sim = keep(self.robot, self.state)
+
+        @property
+        def hidden(self):
+            kept = self.sim
+            return [kept.m, kept.d] if isinstance(kept, Slotted) else [*(kept.values() if isinstance(kept, dict) else kept)]
+
+        def __getattr__(self, name):
+            if name in ("robot", "state") and "sim" in vars(self):
+                kind = mujoco.MjModel if name == "robot" else mujoco.MjData
+                found = next((one for one in self.hidden if isinstance(one, kind)), None)
+                return self.hidden[0].model if found is None else found
+            raise AttributeError(name)
+
+    env = Hidden(MODELS["motors"])
+    del env.__dict__["robot"], env.__dict__["state"]
+    assert derive_spec(env).observation == derive_spec(Plain(MODELS["motors"])).observation
 
 
 def test_an_observation_that_needs_an_argument(tmp_path):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.memento import generators
+from transferkit.envs.simulation import attributes
 from transferkit.errors import TransferkitError
 from transferkit.physics import mujoco
 
@@ -96,13 +97,13 @@ class Frozen:
         option = self._simulation.model.opt
         self._integrator = option.integrator
         keepers = self._simulation.keepers
-        self._stepping = [(own, name, vars(own)[name]) for own in keepers for name in STEPPING if _counts(own, name)]
+        self._stepping = [(own, name, attributes(own)[name]) for own in keepers for name in STEPPING if _counts(own, name)]
         for keeper, name, _ in self._stepping:
             setattr(keeper, name, STEPPING[name])
         self._real = {name: getattr(mujoco, name) for name in STEPS} if self._by_clock else {}
         for name in self._real:
             setattr(mujoco, name, _stand)
-        self._ending = [keeper for keeper in keepers if ENDING in vars(keeper)]
+        self._ending = [keeper for keeper in keepers if ENDING in attributes(keeper)]
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -179,7 +180,7 @@ class Frozen:
 
 def _counts(keeper: object, name: str) -> bool:
     """Whether an attribute counts physics steps of a control step, and nothing else: composer's delays are of such steps."""
-    return name in vars(keeper) and "_observation_updater" not in vars(keeper)
+    return name in attributes(keeper) and "_observation_updater" not in attributes(keeper)
 
 
 def _stand(model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:

@@ -15,6 +15,10 @@ DEPTH = 3
 """How far below an environment its model and data are looked for: `env.robot.physics.data`."""
 
 
+FEW = 16
+"""Items of a tuple, list or dictionary that are looked at."""
+
+
 @dataclass(frozen=True)
 class Simulation:
     """A simulation; some environments make a new model and new data in every reset, so both are asked for when needed."""
@@ -57,15 +61,15 @@ def open_simulation(env: gymnasium.Env) -> Simulation | None:
 
 def _pair(holder: Any) -> Any:  # noqa: ANN401 - a model and data, or None
     own = attributes(holder)
-    if isinstance(own.get("model"), mujoco.MjModel) and isinstance(own.get("data"), mujoco.MjData):
-        return own["model"], own["data"]
     physics: Any = own.get("physics") or (holder.physics if hasattr(type(holder), "physics") else None)
     if _is_physics(physics):
         return physics.model.ptr, physics.data.ptr
-    found = [
-        next((value for value in own.values() if isinstance(value, kind)), None) for kind in (mujoco.MjModel, mujoco.MjData)
-    ]
-    return None if None in found else found
+    values = [own.get("model"), own.get("data"), *_items(own)]
+    data = next((value for value in values if isinstance(value, mujoco.MjData)), None)
+    if data is None:
+        return None
+    models = [value for value in values if isinstance(value, mujoco.MjModel)]
+    return next((model for model in models if model is data.model), models[0] if models else data.model), data
 
 
 def _is_physics(value: object) -> bool:
@@ -74,14 +78,24 @@ def _is_physics(value: object) -> bool:
 
 
 def _parts(holder: object) -> Iterator[Any]:
-    """The objects that an object has as attributes."""
-    return (value for value in attributes(holder).values() if attributes(value) and not isinstance(value, type))
+    """The objects that an object has as attributes, or within them."""
+    return (value for value in _items(attributes(holder)) if attributes(value) and not isinstance(value, type))
+
+
+def _items(own: dict[str, Any]) -> Iterator[Any]:
+    """Values, and those in tuples, lists and dictionaries."""
+    for value in own.values():
+        yield value
+        if isinstance(value, tuple | list | dict) and len(value) <= FEW:
+            yield from value.values() if isinstance(value, dict) else value
 
 
 def attributes(holder: object) -> dict[str, Any]:
-    """What an object has of its own; nothing if it answers for its attributes itself."""
+    """What an object has of its own, in slots too; nothing if it answers for its attributes itself."""
     own = getattr(holder, "__dict__", None)
-    return own if isinstance(own, dict) else {}
+    slots = [name for name in getattr(type(holder), "__slots__", ()) if isinstance(name, str) and not name.startswith("__")]
+    slotted = {name: getattr(holder, name) for name in slots if hasattr(holder, name)}
+    return slotted | own if isinstance(own, dict) else slotted
 
 
 def model_bytes(env: gymnasium.Env) -> bytes:
