@@ -17,6 +17,7 @@ BENCHES = {
     "ppo": "PPO against stable-baselines3, and start-up times",
     "dyna": "DYNA-DDPG's updates against stable-baselines3, mbrl-lib and their matrix products alone",
     "record": "recording against evaluation, and reading back",
+    "probe": "deriving what the numbers of every environment mean",
     "report": "the report of 1,000 runs",
     "matrix": "a matrix on one worker and on two",
     "paper": "the paper presets, and the default presets against the paper's best scores",

@@ -9,6 +9,7 @@ from experiments.bench.__main__ import BENCHES, main
         ("ppo", ("env steps per second", "(must be 1.3)", "transferkit zoo list")),
         ("dyna", ("stable-baselines3 TD3", "an update of an ensemble", "matrix products alone")),
         ("record", ("Hopper-v5: recording takes", "KB per 1,000 steps")),
+        ("probe", ("deriving the spec of 2 environments", "median")),
         ("report", ("report of 20 runs",)),
         ("matrix", ("2 cells: 2 workers are", "a cell costs")),
         ("paper", ("PPOPT, paper preset", "dyna-ddpg, Hopper-v5: after")),
