@@ -48,6 +48,19 @@ MODELS = {
         <site name="a" pos=".1 0 0"/><site name="b" pos="-.1 0 0"/></body></worldbody><actuator>
         <motor site="a" gear="0 0 1 0 0 0" ctrlrange="0 4"/>
         <motor site="b" gear="0 0 1 0 0 0" ctrlrange="0 4"/></actuator></mujoco>""",
+    "mocap": ARM.format('<actuator><motor joint="turn" ctrlrange="-1 1"/></actuator>').replace(
+        "<worldbody>",
+        '<worldbody><body name="hand" mocap="true" pos="1 0 0"><geom size=".05" contype="0" conaffinity="0"/></body>',
+    ),
+    "mesh": ARM.format('<actuator><motor joint="lift" ctrlrange="-1 1"/></actuator>')
+    .replace("<worldbody>", '<asset><mesh name="wedge" vertex="0 0 0 .2 0 0 0 .2 0 0 0 .2"/></asset><worldbody>')
+    .replace('<geom size=".1"/>', '<geom type="mesh" mesh="wedge"/>'),
+    "closed loop": """<mujoco><worldbody><body name="a"><joint name="one" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".03"/></body>
+        <body name="b" pos=".3 0 0"><joint name="two" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.5" size=".03"/></body></worldbody>
+        <equality><joint joint1="one" joint2="two"/></equality>
+        <actuator><motor joint="one" ctrlrange="-1 1"/></actuator></mujoco>""",
     "contacts": """<mujoco><worldbody><geom type="plane" size="5 5 .1"/>
         <body pos="0 0 .4"><joint name="z" type="slide" axis="0 0 1"/><geom size=".1"/>
         <body><joint name="leg" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .3 0 -.3" size=".04"/></body></body>
