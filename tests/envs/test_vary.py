@@ -171,6 +171,7 @@ def test_it_is_written_down():
         (HOPPER, {"mass": "heavy"}, ConfigError, "mass='heavy' must be"),
         (HOPPER, {"mass": float("nan")}, ConfigError, "mass=nan must be"),
         (HOPPER, {"delay": 0.5}, ConfigError, "whole control steps"),
+        (HOPPER, {"mass": 10**400}, ConfigError, "mass=1000.* must be a number or a range"),
         (HOPPER, {"delay": 10**9}, ConfigError, "delay=1000000000 must be"),
         (HOPPER, {"gravity": {"z": 1}}, ConfigError, "gravity is one for the whole environment"),
         (HOPPER, {"drop_observation": [11]}, ConfigError, "drop_observation=11 must be 0 to 10"),

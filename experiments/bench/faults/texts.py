@@ -51,6 +51,9 @@ IDS = (
     "Hopper-v4",
     "dm_control/x-y-v0",
     "Ant-v5 ",
+    f"{ENV}?frame_skip=4&reset_noise_scale=0.02&vary.mass=[0.7,1.3]&vary.delay=2",
+    "Hopper-v5?vary.length.thigh=0.8&vary.drop_observation=[0,1]&vary.noise=0.1",
+    "<FlattenObservation of Hopper-v5>",
 )
 
 
