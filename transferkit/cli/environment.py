@@ -34,17 +34,19 @@ def environment(options: argparse.Namespace, home: Callable[[], str] | None = No
     if not (options.env_kwargs or options.vary):
         return options.env
     env = options.env if options.env is not None or home is None else home()
+    if env is None:
+        raise ConfigError("{env_kwargs} and {vary} are of an environment", remedy="give {env} too", topic="environments")
     return with_arguments(env, options.env_kwargs, options.vary)
 
 
-def with_arguments(env: str | None, kwargs: list[str] | tuple[str, ...], vary: list[str] | tuple[str, ...]) -> str:
-    """An environment in writing with more arguments.
+def with_arguments(env: str, kwargs: Sequence[str], vary: Sequence[str]) -> str:
+    """An environment in writing with more arguments, if there are any.
 
     Raises:
-        ConfigError: there is no environment, or an argument is none.
+        ConfigError: an argument is none.
     """
-    if env is None:
-        raise ConfigError("{env_kwargs} and {vary} are of an environment", remedy="give {env} too", topic="environments")
+    if not (kwargs or vary):
+        return env
     given = EnvId.read(env).with_arguments(kwargs, vary)
     Variation.read(given.variation)  # a slip is said before anything heavy is imported
     return str(given)

@@ -37,7 +37,7 @@ def main(arguments: Sequence[str]) -> Answer:
             env_kwargs: NAME=VALUE keyword arguments of the environment.
             vary: NAME=VALUE changes of the robot, such as mass=0.7..1.3; a range is drawn every episode.
         """
-        return recipe, replace(config, env=with_arguments(config.env, env_kwargs, vary) if env_kwargs or vary else config.env)
+        return recipe, replace(config, env=with_arguments(config.env, env_kwargs, vary))
 
     recipe, config = parse(command, "transferkit pretrain", arguments, [*Recipe.__dataclass_fields__, "env-kwargs", "vary"])
     check_read(config, settings_in(arguments))

@@ -50,8 +50,7 @@ def main(arguments: Sequence[str]) -> Answer:
             env_kwargs: NAME=VALUE keyword arguments of the environment; `--env 'ENV?NAME=VALUE'` is the same.
             vary: NAME=VALUE changes of the robot, such as mass=1.3 friction=0.5..1.5; a range is drawn every episode.
         """
-        env = with_arguments(config.env, env_kwargs, vary) if env_kwargs or vary else config.env
-        return _Request(replace(config, env=env), out, resume, _every(record))
+        return _Request(replace(config, env=with_arguments(config.env, env_kwargs, vary)), out, resume, _every(record))
 
     request = parse(command, "transferkit train", arguments, ("out", "resume", "record", "env-kwargs", "vary"))
     check_read(request.config, settings_in(arguments))

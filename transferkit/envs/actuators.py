@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.envs.labels import unique
 from transferkit.physics import mujoco
 from transferkit.spec import Actuator
 
@@ -30,9 +30,9 @@ def read_actuators(
 ) -> list[Actuator]:
     """Describe each element of the action, with the bounds `(act_dim,)` that the environment states."""
     rows = zip(low, high, responses.looks, strict=True)
-    return _unique(
-        [_actuator(k, float(a), float(b), responses.none, looks, model, joints) for k, (a, b, looks) in enumerate(rows)]
-    )
+    found = [_actuator(k, float(a), float(b), responses.none, looks, model, joints) for k, (a, b, looks) in enumerate(rows)]
+    names = unique([actuator.name for actuator in found])
+    return [replace(actuator, name=name) for actuator, name in zip(found, names, strict=True)]
 
 
 def unknown_actuators(low: NDArray, high: NDArray) -> list[Actuator]:
@@ -92,14 +92,3 @@ def _steepest(effects: Sequence[tuple[float, float]]) -> float:
 
 def _name(model: mujoco.MjModel, actuator: int) -> str:
     return model.actuator(actuator).name or f"actuator{actuator}"
-
-
-def _unique(actuators: Sequence[Actuator]) -> list[Actuator]:
-    """Number those that drive the same joint."""
-    seen: Counter[str] = Counter()
-    result = []
-    for actuator in actuators:
-        seen[actuator.name] += 1
-        copies = seen[actuator.name]
-        result.append(actuator if copies == 1 else replace(actuator, name=f"{actuator.name}#{copies}"))
-    return result

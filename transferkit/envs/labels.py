@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -13,6 +15,16 @@ def labels(env: gymnasium.Env) -> list[str]:
     count = env.observation_space.shape[0]
     described = _described(env.unwrapped)
     return _numbered(described if len(described) == count else ["observation"] * count)
+
+
+def unique(names: Sequence[str]) -> list[str]:
+    """The names, numbered from the second of its kind: `hinge_y`, `hinge_y#2`."""
+    seen: Counter[str] = Counter()
+    result = []
+    for name in names:
+        seen[name] += 1
+        result.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return result
 
 
 def _described(base: Any) -> list[str]:  # noqa: ANN401 - an environment of any kind

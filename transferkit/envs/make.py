@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from transferkit.env_id import EnvId
 from transferkit.envs.contract import Contract, bounds, dims, failed, time_step
-from transferkit.envs.simulation import model_bytes
+from transferkit.envs.simulation import layers_of, model_bytes
 from transferkit.envs.source import is_maker, raw_env
 from transferkit.envs.vary import Varied
 from transferkit.envs.written import is_written, name_of, written
@@ -40,7 +40,7 @@ def make_env(
     render_mode: str | None = None,
     clip_actions: bool = True,
     max_episode_steps: int | None = None,
-) -> Env:
+) -> Contract:
     """Put an environment under transferkit's contract.
 
     Args:
@@ -127,7 +127,7 @@ def recorded(env: EnvLike) -> str:
     if isinstance(env, str):
         return env
     with opened(env) as made:
-        name = written(made.env) if isinstance(made, Contract) else written(made)
+        name = written(made.env)
         if not is_written(name):
             return name
         with opened(name) as again:
@@ -143,7 +143,7 @@ def dims_of(env: EnvLike) -> tuple[int, int]:
 
 
 @contextmanager
-def opened(env: EnvLike, **rules: Any) -> Iterator[Env]:  # noqa: ANN401 - those of `make_env`
+def opened(env: EnvLike, **rules: Any) -> Iterator[Contract]:  # noqa: ANN401 - those of `make_env`
     """An environment under the contract, which is closed afterwards if it was made here."""
     made = make_env(env, **rules)
     try:
@@ -155,13 +155,11 @@ def opened(env: EnvLike, **rules: Any) -> Iterator[Env]:  # noqa: ANN401 - those
 
 def _copied(env: gymnasium.Env) -> gymnasium.Env:
     """Copy an environment as it is now; Gymnasium's own way makes it again from the arguments that it was made with."""
-    chain = [env]
-    while isinstance(chain[-1], gymnasium.Wrapper):
-        chain.append(chain[-1].env)
-    twins: list[Any] = [object.__new__(type(one)) for one in chain]
-    memo: dict[int, Any] = {id(one): twin for one, twin in zip(chain, twins, strict=True)}
+    layers = layers_of(env)
+    twins: list[Any] = [object.__new__(type(one)) for one in layers]
+    memo: dict[int, Any] = {id(one): twin for one, twin in zip(layers, twins, strict=True)}
     try:
-        for one, twin in reversed([*zip(chain, twins, strict=True)]):
+        for one, twin in reversed([*zip(layers, twins, strict=True)]):
             vars(twin).update({name: copy.deepcopy(value, memo) for name, value in vars(one).items()})
     except Exception as error:  # whatever an attribute of the user's raises
         raise EnvironmentContractError(

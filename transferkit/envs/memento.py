@@ -15,7 +15,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from transferkit.envs.simulation import attributes
+from transferkit.envs.simulation import attributes, layers_of
 
 DEPTH = 6
 """How far below an environment its generators are looked for."""
@@ -51,8 +51,9 @@ class Pin:
 
 def generators(env: gymnasium.Env) -> list[Pin]:
     """Note the state of every random generator that an environment reaches, and of the global ones."""
+    layers = layers_of(env)
     found = [Pin(np.random.get_state, np.random.set_state), Pin(random.getstate, random.setstate)]
-    for value in _reached(_chain(env)):
+    for value in _reached([*layers, *_functions(layers)]):
         if isinstance(value, np.random.Generator):
             found.append(_of_generator(value))
         elif isinstance(value, np.random.RandomState):
@@ -65,7 +66,7 @@ def generators(env: gymnasium.Env) -> list[Pin]:
 @contextmanager
 def undisturbed(env: gymnasium.Env) -> Iterator[None]:
     """Keep what an environment's wrappers hold (a history, statistics, counters), and stop what learns meanwhile."""
-    wrappers = [one for one in _chain(env) if isinstance(one, gymnasium.Wrapper)]
+    wrappers = layers_of(env)[:-1]
     kept = [_attribute(one, name, value) for one in wrappers for name, value in vars(one).items() if _is_plain(value)]
     for wrapper in wrappers:
         if LEARNS in dir(type(wrapper)):
@@ -79,9 +80,7 @@ def undisturbed(env: gymnasium.Env) -> Iterator[None]:
 
 def learning_wrappers(env: gymnasium.Env) -> list[str]:
     """Names of the wrappers that change what numbers mean while they learn."""
-    return [
-        type(one).__name__ for one in _chain(env) if isinstance(one, gymnasium.Wrapper) and getattr(one, LEARNS, False) is True
-    ]
+    return [type(one).__name__ for one in layers_of(env)[:-1] if getattr(one, LEARNS, False) is True]
 
 
 def _attribute(holder: object, name: str, value: Any) -> Restore:  # noqa: ANN401 - plain
@@ -101,12 +100,9 @@ def _is_plain(value: object, depth: int = 3) -> bool:
     return bool(depth) and type(value).__name__ == "RunningMeanStd"
 
 
-def _chain(env: gymnasium.Env) -> list[object]:
-    """An environment's wrappers, itself, and the functions of their classes."""
-    chain: list[Any] = [env]
-    while isinstance(chain[-1], gymnasium.Wrapper):
-        chain.append(chain[-1].env)
-    return [*chain, *(part for one in chain for part in vars(type(one)).values() if isinstance(part, types.FunctionType))]
+def _functions(layers: list[gymnasium.Env]) -> list[object]:
+    """The functions of their classes, which may draw from a generator of their module."""
+    return [part for one in layers for part in vars(type(one)).values() if isinstance(part, types.FunctionType)]
 
 
 def _reached(level: list[object]) -> Iterator[object]:

@@ -9,7 +9,6 @@ names it.
 from __future__ import annotations
 
 import logging
-from collections import Counter
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -19,12 +18,12 @@ import numpy as np
 
 from transferkit.env_id import EnvId
 from transferkit.envs.actuators import read_actuators, unknown_actuators
-from transferkit.envs.contract import Contract, dims, episode_limit, failed, time_step
+from transferkit.envs.contract import dims, episode_limit, failed, time_step
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.frozen import ElusiveError, Frozen
 from transferkit.envs.joints import read_joints
-from transferkit.envs.labels import labels
+from transferkit.envs.labels import labels, unique
 from transferkit.envs.make import opened, recorded
 from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
@@ -36,6 +35,7 @@ from transferkit.versions import versions
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from transferkit.envs.contract import Contract
     from transferkit.envs.simulation import Simulation
     from transferkit.envs.written import EnvLike
     from transferkit.spec import Actuator, Joint
@@ -88,8 +88,7 @@ def _derive(env: EnvLike) -> IOSpec:
             raise failed(name, "being probed", error) from error
 
 
-def _spec(made: gymnasium.Env, env_id: str) -> IOSpec:
-    assert isinstance(made, Contract)
+def _spec(made: Contract, env_id: str) -> IOSpec:
     simulation = open_simulation(made)
     pace, by_clock = _pace(made, simulation)
     if not pace:
@@ -174,10 +173,5 @@ def _unknown(names: list[str]) -> list[Element]:
 
 def _unique(elements: list[Element]) -> list[Element]:
     """Add the age of what is old, and number what occurs twice."""
-    seen: Counter[str] = Counter()
-    result = []
-    for element in elements:
-        name = f"{element.name}[t-{element.age}]" if element.age else element.name
-        seen[name] += 1
-        result.append(replace(element, name=name if seen[name] == 1 else f"{name}#{seen[name]}"))
-    return result
+    names = [f"{element.name}[t-{element.age}]" if element.age else element.name for element in elements]
+    return [replace(element, name=name) for element, name in zip(elements, unique(names), strict=True)]

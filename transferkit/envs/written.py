@@ -13,6 +13,7 @@ from gymnasium import wrappers
 from gymnasium.envs.registration import EnvSpec
 
 from transferkit.env_id import EnvId
+from transferkit.envs.simulation import layers_of
 from transferkit.envs.vary import Varied
 
 EnvLike = str | gymnasium.Env | Callable[[], gymnasium.Env]
@@ -41,8 +42,6 @@ def is_written(env: str) -> bool:
 
 def written(env: gymnasium.Env) -> str:
     """What a record says of an environment: an id with keyword arguments that makes it again, or `<its name>`."""
-    if type(env).__name__ == "Contract":
-        return written(env.unwrapped if not isinstance(env, gymnasium.Wrapper) else env.env)
     if isinstance(env, Varied):
         plain = written(env.env)
         varied = EnvId.read(plain) if is_written(plain) else None
@@ -78,11 +77,8 @@ def _arguments(spec: EnvSpec) -> dict[str, Any] | None:
 
 
 def _bare(env: gymnasium.Env) -> bool:
-    while isinstance(env, gymnasium.Wrapper):
-        if not isinstance(env, BY_MAKE):
-            return False
-        env = env.env
-    return True
+    """Whether nobody but `gymnasium.make` has wrapped it."""
+    return all(isinstance(layer, BY_MAKE) for layer in layers_of(env)[:-1])
 
 
 def _plain(value: Any) -> object:  # noqa: ANN401 - what json cannot write

@@ -108,8 +108,7 @@ def export_minari(paths: Sequence[Path], dataset: str, *, env: str | None = None
     with closing(make_env(id_from_file(about.spec.env_id, paths[0], env), **rules)) as made:
         if dims(made) != (about.spec.obs_dim, about.spec.act_dim):
             raise RecordingError(f"{paths[0]} was recorded in another version of {about.spec.env_id}", remedy="record it again")
-        contract: Any = made
-        raw, actions = contract.env, [contract.scaled(episode.actions()) for episode in episodes]
+        raw, actions = made.env, [made.scaled(episode.actions()) for episode in episodes]
         spec = _recoverable(raw, about)
         observations = _observations(spec, episodes, actions)
         buffers = [_buffer(*parts, raw) for parts in zip(itertools.count(), episodes, observations, actions)]
