@@ -13,7 +13,7 @@ import torch
 
 from transferkit.budget import KINDS, Budget
 from transferkit.config import TrainConfig, identity, migrated_blueprint
-from transferkit.envs import VectorEnv, derive_spec, dims, is_written, make_env
+from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_written, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
@@ -33,6 +33,7 @@ from transferkit.run import (
     read_record,
 )
 from transferkit.streams import Streams
+from transferkit.trainers.compilation import is_compiled
 from transferkit.trainers.make import make_trainer
 
 if TYPE_CHECKING:
@@ -84,12 +85,21 @@ class Job:
             raise SettingError("dyna.buffer_size", value=config.dyna.buffer_size, allowed=least)
         return transitions, ledger
 
-    def open(self, ledger: Ledger, *, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
+    def compiles(self, *, resume: bool) -> bool:
+        """Decide whether the updates are compiled; a run that is taken up goes on as it was."""
+        recorded = read_beside(read_record(self.out)).compiled if resume and (self.out / RECORD).exists() else None
+        env = self.make_env()
+        limit = episode_limit(env)
+        env.close()
+        return is_compiled(self.config, limit, recorded)
+
+    def open(self, ledger: Ledger, *, compiled: bool, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
         """Start the run's directory, or take it up with its last checkpoint if its record is the same.
 
         One that is finished goes on if all but its budget is the same, and that is more than it has spent.
         """
-        made_of = {"policy": self.policy.blueprint(), "core_digest": self.core and self.core.digest}
+        made_of: dict[str, Any] = {"compiled": True} if compiled else {}
+        made_of |= {"policy": self.policy.blueprint(), "core_digest": self.core and self.core.digest}
         made_of |= {"recordings": list(ledger)} if ledger else {}
         made_of |= {} if is_written(self.config.env) else {"spec": derive_spec(self.env).to_json()}
         if not (resume and (self.out / RECORD).exists()):
@@ -101,12 +111,11 @@ class Job:
         check_same(self.out, _but_budget(before), _but_budget(identity(self.config) | made_of))
         return RunDirectory.resume(self.out, self._budget())
 
-    def trainer(self, prior: Transitions | None) -> Trainer:
+    def trainer(self, prior: Transitions | None, *, compiled: bool) -> Trainer:
         """Make the trainer around the policy."""
         streams, device = Streams(self.config.seed), _device(self.config.device)
-        return make_trainer(
-            self.policy, self.config, lambda: derive_spec(self.make_env()), streams, device, prior.batch() if prior else None
-        )
+        spec_of, arrays = lambda: derive_spec(self.make_env()), prior.batch() if prior else None
+        return make_trainer(self.policy, self.config, spec_of, streams, device, arrays, compiles=compiled)
 
     def envs(self, trainer: Trainer) -> VectorEnv:
         """Make as many environments as the trainer steps."""

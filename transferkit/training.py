@@ -142,11 +142,12 @@ def _core_of(policy: Policy) -> tuple[Core | None, dict[str, Any]]:
 def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
     job.check()
     prior, ledger = job.experience(resume=resume)
-    directory, checkpoint = job.open(ledger, resume=resume)
+    compiled = job.compiles(resume=resume)
+    directory, checkpoint = job.open(ledger, compiled=compiled, resume=resume)
     with directory:
         if directory.result is not None:
             return directory.result
-        trainer = job.trainer(prior)
+        trainer = job.trainer(prior, compiled=compiled)
         session = job.session(directory, trainer, report)
         scores = train_and_evaluate(trainer, job.envs(trainer), session, checkpoint)
         directory.save_policy(job.trained(trainer))

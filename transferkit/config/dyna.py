@@ -31,6 +31,10 @@ class DynaConfig:
     """Normalise the critics' layers (Hiraoka et al. 2022: what makes many updates a step stable)."""
     critics: Annotated[int, MEMBERS] = 2
     """Critics whose least value is the target (Fujimoto et al. 2018)."""
+    drawn_critics: Annotated[int, MEMBERS] | None = None
+    """Critics drawn at random for each update, whose least value is the target (Chen et al. 2021); None for all."""
+    unit_norm: bool = False
+    """Keep the weights of every hidden unit of the critics at a norm of one (Lee et al. 2025)."""
     actor_learning_rate: Annotated[float, RATE] = 3e-4
     """Adam step size; parts of a wrapped policy scale it."""
     critic_learning_rate: Annotated[float, RATE] = 3e-4
@@ -73,6 +77,8 @@ class DynaConfig:
     """Transitions remembered."""
     reward_scale: float = 0.1
     """Factor of rewards in the critics."""
+    normalize_reward: bool = False
+    """Divide rewards in the critics by the running deviation of the discounted return."""
     model_share: Annotated[float, SHARE] = 0.0
     """Share of all transitions learnt from that are imagined. None by default, because no share was found to be better (study
     `model_share`); the model is then fitted for curiosity alone, as long as that lasts."""

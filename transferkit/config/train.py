@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE, POSITIVE, Seed, check, check_value
 from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
@@ -69,6 +69,8 @@ class TrainConfig:
     """Least time between checkpoints."""
     device: str = "cpu"
     """Torch device of the networks, `cpu` or `cuda`."""
+    compile: Literal["auto", "on", "off"] = "auto"
+    """Compile the updates with a C++ compiler: `auto` does if the budget pays for it. The results differ by rounding."""
     experience: tuple[str, ...] = ()
     """dyna-ddpg: recordings (FILE.mcap) and Minari datasets (minari:NAME) to learn from before the first real step."""
     mapping: str | None = None

@@ -6,6 +6,7 @@ from transferkit.nn.dynamics import Dynamics, Prediction
 from transferkit.nn.ensemble import Ensemble, EnsembleArchitecture, EnsembleLinear
 from transferkit.nn.layers import MLP, Linear, ResidualLinear, mlp, one_thread
 from transferkit.nn.normalizer import Normalizer, Shared
+from transferkit.nn.learner import Learner
 from transferkit.nn.optimizer import Part, PartAdam, flatten
 from transferkit.nn.policy_net import Architecture, PolicyNet
 
@@ -18,6 +19,7 @@ __all__ = [
     "EnsembleArchitecture",
     "EnsembleLinear",
     "JointInput",
+    "Learner",
     "Linear",
     "Normalizer",
     "Part",

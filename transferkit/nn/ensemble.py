@@ -23,7 +23,9 @@ class EnsembleArchitecture:
     out_dim: Size
     hidden: Layers
     layer_norm: bool = True
-    """Normalise before every ReLU, without learnt scale (Ba et al. 2016)."""
+    """Normalise before every ReLU (Ba et al. 2016), with a learnt scale only if weights have unit norm."""
+    unit_norm: bool = False
+    """Keep the weights of every hidden unit at a norm of one; layers have a learnt scale instead (Lee et al. 2025)."""
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON-ready data."""
@@ -39,8 +41,17 @@ class EnsembleArchitecture:
 class EnsembleLinear(nn.Module):
     """`(E, B, in)` to `(E, B, out)`; weights as `nn.Linear` draws them, or zero without a generator."""
 
-    def __init__(self, members: int, in_features: int, out_features: int, generator: torch.Generator | None = None) -> None:
+    def __init__(
+        self,
+        members: int,
+        in_features: int,
+        out_features: int,
+        generator: torch.Generator | None = None,
+        *,
+        unit_norm: bool = False,
+    ) -> None:
         super().__init__()
+        self.unit_norm = unit_norm
         bound = 1 / math.sqrt(in_features)
         self.weight = nn.Parameter(torch.zeros(members, in_features, out_features))
         self.bias = nn.Parameter(torch.zeros(members, 1, out_features))
@@ -52,7 +63,7 @@ class EnsembleLinear(nn.Module):
         """Apply each member to its own rows."""
         if self.weight.shape[-1] == 1:  # a product with one column takes three times as long as this
             return (x * self.weight.transpose(1, 2)).sum(-1, keepdim=True) + self.bias
-        return torch.baddbmm(self.bias, x, self.weight)
+        return torch.bmm(x, self.weight) + self.bias  # compiled, the sum is part of what follows; `baddbmm` copies the bias first
 
 
 class Ensemble(nn.Module):
@@ -63,7 +74,10 @@ class Ensemble(nn.Module):
         self.architecture = architecture
         sizes = [architecture.in_dim, *architecture.hidden]
         pairs = itertools.pairwise(sizes)
-        self.body = nn.ModuleList(EnsembleLinear(architecture.members, a, b, generator) for a, b in pairs)
+        members, unit_norm = architecture.members, architecture.unit_norm
+        self.body = nn.ModuleList(EnsembleLinear(members, a, b, generator, unit_norm=unit_norm) for a, b in pairs)
+        scales = [nn.Parameter(torch.ones(members, 1, width)) for width in architecture.hidden if unit_norm]
+        self.scales = nn.ParameterList(scales)
         self.head: EnsembleLinear | nn.Identity
         self.head = EnsembleLinear(architecture.members, sizes[-1], architecture.out_dim, generator)
 
@@ -71,9 +85,10 @@ class Ensemble(nn.Module):
         """Compute the last hidden layer `(E, B, hidden[-1])` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for own rows each."""
         if x.dim() == 2:
             x = x.expand(self.architecture.members, *x.shape)
-        for layer in self.body:
+        for k, layer in enumerate(self.body):
             x = layer(x)
-            x = torch.relu_(functional.layer_norm(x, x.shape[-1:]) if self.architecture.layer_norm else x)
+            x = functional.layer_norm(x, x.shape[-1:]) if self.architecture.layer_norm else x
+            x = torch.relu(x * self.scales[k] if self.architecture.unit_norm else x)
         return x
 
     def forward(self, x: Tensor) -> Tensor:

@@ -68,6 +68,8 @@ class Beside:
     policy: dict[str, Any]
     """The policy's blueprint."""
     core_digest: str | None = None
+    compiled: bool = False
+    """Whether the trainer's updates were compiled."""
     recordings: tuple[Recording, ...] = ()
     spec: IOSpec | None = None
     """What the environment's numbers mean, where no id makes it again."""

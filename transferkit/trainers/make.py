@@ -23,6 +23,8 @@ def make_trainer(
     streams: Streams,
     device: torch.device,
     prior: Sequence[NDArray] | None = None,
+    *,
+    compiles: bool = False,
 ) -> Trainer:
     """Make the trainer of `config.algo` around a policy.
 
@@ -33,6 +35,7 @@ def make_trainer(
         streams: of the run's seed.
         device: of the networks.
         prior: the arrays of a `Batch` of elsewhere, to learn from at first.
+        compiles: whether DYNA-DDPG's updates are compiled.
     """
     if config.algo == "ppo":
         from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415
@@ -44,4 +47,4 @@ def make_trainer(
         return DynaPPOTrainer(policy, spec_of(), config, streams, device)
     from transferkit.trainers.dyna.trainer import DynaTrainer  # noqa: PLC0415
 
-    return DynaTrainer(policy, spec_of(), config, streams, device, prior)
+    return DynaTrainer(policy, spec_of(), config, streams, device, prior, compiles=compiles)

@@ -18,11 +18,12 @@ TINY = DynaConfig(batch_size=8, random_steps=0, model_share=0.0)
 MODEL = ModelConfig(hidden=(16,))
 
 
-def make_agent(policy, spec, config, *, model=MODEL, discount=0.99, wrapped=False):
+def make_agent(policy, spec, config, *, model=MODEL, discount=0.99, wrapped=False, compiles=False):
     streams = Streams(0)
     critic = make_critic(policy, config, (16, 16), streams.torch("critic"), wrapped=wrapped)
     dynamics = make_dynamics(policy, spec, model, streams.torch("model"))
-    return Agent(policy, critic, dynamics, config, model, streams, torch.device("cpu"), discount=discount)
+    options = {"discount": discount, "compiles": compiles}
+    return Agent(policy, critic, dynamics, config, model, streams, torch.device("cpu"), **options)
 
 
 def drawn(generator):

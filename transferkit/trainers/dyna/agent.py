@@ -11,12 +11,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from transferkit.nn import Part, PartAdam, flatten
+from transferkit.nn import Learner, Part, PartAdam, flatten
+from transferkit.nn.compiled import compiled
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
 from transferkit.trainers.dyna.fit import fit
 from transferkit.trainers.dyna.imagine import imagine, novelty
-from transferkit.trainers.dyna.losses import actor_loss, critic_loss, td_target
+from transferkit.trainers.dyna.losses import td_target
 from transferkit.trainers.dyna.replay import ReplayBuffer
+from transferkit.trainers.dyna.updates import Minibatches, Networks, update
+from transferkit.trainers.running_return import RunningReturn
 
 if TYPE_CHECKING:
     from transferkit.config import DynaConfig, ModelConfig
@@ -28,6 +31,9 @@ if TYPE_CHECKING:
 
 LONGEST_WARM_UP = 10
 """Factor of `random_steps` after which the warm-up ends in any case."""
+
+LARGEST_PROGRAM = 4
+"""Most updates that are compiled into one program: more take longer to compile, and win little."""
 
 NOISE_CLIP = 2.5
 """Bound of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
@@ -49,14 +55,16 @@ class Agent:
         device: torch.device,
         *,
         discount: float,
+        compiles: bool = False,
     ) -> None:
         """Make buffer, optimisers and target networks; `discount` is per environment step."""
         self.policy, self.critic, self.model, self.device = policy, critic, model, device
         self.config, self.model_config, self.discount = config, model_config, discount
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
         groups = policy.parameter_groups()
-        self.actor_optimizer = PartAdam([Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
-        self.critic_optimizer = PartAdam(learning_parts(critic, policy), config.critic_learning_rate)
+        actor = Learner(policy, [Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
+        critics = Learner(critic, learning_parts(critic, policy), config.critic_learning_rate)
+        self.actor_optimizer, self.critic_optimizer = actor.optimizer, critics.optimizer
         self.model_optimizer = PartAdam(learning_parts(model, policy), model_config.learning_rate)
         self.target_policy, self.target_critic = self._copy(policy), self._copy(critic)
         self._targets = [flatten(g.parameters) for g in self.target_policy.parameter_groups()]
@@ -65,6 +73,10 @@ class Agent:
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
         self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
+        self.networks = Networks(actor, critics, self.first_policy)
+        self.returns = RunningReturn(1, discount)
+        self._update = compiled(update) if compiles else update
+        self._td_target = compiled(td_target) if compiles else td_target
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded = False
         self.losses: dict[str, Tensor] = {}
@@ -82,6 +94,7 @@ class Agent:
     def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Remember a step of the one environment."""
         self.buffer.add_step(observation, action, step)
+        self.returns.add(step.reward, step.done)
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
         # To the end of an episode, but not for ever if episodes do not end.
         past = self.buffer.added / max(self.config.random_steps, 1)
@@ -106,20 +119,24 @@ class Agent:
         batch = self.buffer.split(self._batches())
         if self.fitted and self.unrewarded:  # learn from what is new
             batch = batch._replace(reward=novelty(self.model, batch))
-        targets = td_target(
+        target = self._td_target(
             self.target_policy,
             self.target_critic,
             batch,
             self._target_noise(batch),
-            reward_scale=config.reward_scale,
+            reward_scale=torch.tensor(self.reward_scale, device=self.device),
             discount=self.discount,
+            members=self._drawn_critics(),
         )
-        for k in range(config.updates_per_step):
-            self._update_critic(batch.observation[k], batch.action[k], targets[k])
-            if (self.buffer.added * config.updates_per_step + k) % config.actor_every == 0:
-                self._update_actor(batch.observation[k])
+        self._descend(batch, target)
         with torch.no_grad():
-            torch._foreach_lerp_(self._targets, self._online, config.tau)
+            for slow, fast in zip(self._targets, self._online, strict=True):
+                slow.lerp_(fast, config.tau)
+
+    @property
+    def reward_scale(self) -> float:
+        """What rewards are multiplied by in the critics."""
+        return self.config.reward_scale / (self.returns.deviation if self.config.normalize_reward else 1.0)
 
     @property
     def fitted(self) -> bool:
@@ -147,7 +164,7 @@ class Agent:
         largest = float(seen.reward.abs().max())
         if config.model_share and config.planned_reward == "minus-norm":
             largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
-        return config.reward_scale * max(1.0, largest) / (1 - self.discount)
+        return self.reward_scale * max(1.0, largest) / (1 - self.discount)
 
     def set_progress(self, progress: float, step_progress: float) -> None:
         """Freeze, unfreeze and calm down for a run that has used these shares of its budget and of its steps."""
@@ -176,6 +193,7 @@ class Agent:
             "warming_up": self._warming_up,
             "rewarded": self._rewarded,
             "losses": self.losses,
+            "returns": self.returns.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -189,6 +207,8 @@ class Agent:
         self.buffer.restore(state["buffer"])
         self._warming_up = state["warming_up"]
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
+        if "returns" in state:
+            self.returns.restore(state["returns"])
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
 
     def _fit(self) -> None:
@@ -212,23 +232,29 @@ class Agent:
         noise = torch.randn(batch.action.shape, generator=self.batches, device=self.device)
         return self.noise * noise.clamp_(-NOISE_CLIP, NOISE_CLIP)
 
-    def _update_critic(self, observation: Tensor, action: Tensor, target: Tensor) -> None:
-        loss = critic_loss(self.critic, observation, action, target)
-        self.critic_optimizer.zero_grad()
-        loss.backward()
-        self.critic_optimizer.step()
-        self.losses["critic"], self.losses["value"] = loss.detach(), target.mean()
+    def _drawn_critics(self) -> Tensor | None:
+        """Draw the critics of each update, `(updates_per_step, drawn_critics)`."""
+        count, drawn = self.config.critics, self.config.drawn_critics
+        if drawn is None or drawn >= count:
+            return None
+        order = torch.rand(self.config.updates_per_step, count, generator=self.batches, device=self.device)
+        return order.argsort(-1)[:, :drawn]
 
-    def _update_actor(self, observation: Tensor) -> None:
-        self.critic.requires_grad_(requires_grad=False)  # its own gradients would cost a third of the backward pass
-        weight = self.config.anchor * (1.0 - self._progress)
-        loss = actor_loss(self.policy, self.critic, observation, self.first_policy, weight)
-        if loss.requires_grad:  # not while every part that shapes the action is frozen
-            self.actor_optimizer.zero_grad()
-            loss.backward()
-            self.actor_optimizer.step()
-        thaw(self.critic, self.policy, self._progress)
-        self.losses["actor"] = loss.detach()
+    def _descend(self, batch: Batch, target: Tensor) -> None:
+        """Update the critics with every minibatch and the actor with some, a few at once."""
+        count, every = self.config.updates_per_step, self.config.actor_every
+        with_actor = [(self.buffer.added * count + k) % every == 0 for k in range(count)]
+        rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
+        rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
+        tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
+        anchor = torch.tensor(self.config.anchor * (1.0 - self._progress), device=self.device)
+        for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
+            part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
+            loss, actors_loss = self._update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
+            self.losses["critic"] = loss
+            if any(with_actor[k : k + size]):
+                self.losses["actor"] = actors_loss
+        self.losses["value"] = target[-1].mean()
 
     def _modules(self) -> dict[str, nn.Module]:
         names = ("policy", "critic", "model", "target_policy", "target_critic")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import torch
@@ -9,44 +10,68 @@ from torch import Tensor
 from torch.nn import functional
 
 if TYPE_CHECKING:
-    from transferkit.nn import Critic, Dynamics
-    from transferkit.policy.base import Policy
+    from transferkit.nn import Dynamics
     from transferkit.trainers.dyna.replay import Batch
+
+Value = Callable[[Tensor, Tensor], Tensor]
+"""Maps observations `(B, obs_dim)` and actions `(B, act_dim)` to every critic's values, `(E, B)`."""
+
+Actor = Callable[[Tensor], tuple[Tensor, Tensor]]
+"""Maps observations `(B, obs_dim)` to mean and log-std of actions, each `(B, act_dim)`."""
 
 
 @torch.no_grad()
 def td_target(
-    policy: Policy, critic: Critic, batch: Batch, noise: Tensor | None, *, reward_scale: float, discount: float
+    policy: Actor,
+    critic: Value,
+    batch: Batch,
+    noise: Tensor | None,
+    *,
+    reward_scale: float | Tensor,
+    discount: float,
+    members: Tensor | None = None,
 ) -> Tensor:
     """Add the scaled reward and the discounted least value of the members at the policy's next action, both of target networks.
 
-    The result has the batch's own leading axes.
+    The batch is `(K, B, ...)` and the result `(K, B)`; `members` `(K, M)` are those asked for each of the K, or None for all.
 
     Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
-    equations 10 and 14. Only terminations cut the bootstrap; time-outs do not.
+    equations 10 and 14, and the random subset of Chen et al. 2021, equation 1. Only terminations cut the bootstrap; time-outs
+    do not.
     """
     observation = batch.next_observation.flatten(0, -2)
     action = policy(observation)[0]
     if noise is not None:
         action = action + noise.view_as(action)
-    value = critic(observation, action.clamp(-1.0, 1.0)).amin(0).view_as(batch.reward)
+    values = critic(observation, action.clamp(-1.0, 1.0)).view(-1, *batch.reward.shape)
+    if members is not None:
+        values = values.gather(0, members.T.unsqueeze(-1).expand(-1, -1, values.shape[-1]))
+    value = values.amin(0)
     return reward_scale * batch.reward + discount * (1.0 - batch.terminated) * value
 
 
-def critic_loss(critic: Critic, observation: Tensor, action: Tensor, target: Tensor) -> Tensor:
+def critic_loss(critic: Value, observation: Tensor, action: Tensor, target: Tensor) -> Tensor:
     """Sum the squared TD error over members (Lillicrap et al. 2016, equation 4)."""
     return (critic(observation, action) - target).square().mean(-1).sum()
 
 
-def actor_loss(policy: Policy, critic: Critic, observation: Tensor, first: Policy | None = None, weight: float = 0.0) -> Tensor:
+def actor_loss(
+    policy: Actor,
+    critic: Value,
+    observation: Tensor,
+    first: Actor | None = None,
+    weight: Tensor | float = 0.0,
+    *,
+    squash: bool = False,
+) -> Tensor:
     """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value.
 
-    With the policy as it was at `first`: in units of the mean absolute value, plus the weighted squared distance to what that
+    A policy that does not `squash` its mean is bounded here. With the policy as it was at `first`: in units of the mean absolute value, plus the weighted squared distance to what that
     one did (Fujimoto & Gu 2021, equation 3).
     """
     mean = policy(observation)[0]
-    value = critic(observation, mean if policy.squash else bounded(mean))
-    if first is None or not weight:
+    value = critic(observation, mean if squash else bounded(mean))
+    if first is None:
         return -value.mean()
     with torch.no_grad():
         target, scale = first(observation)[0].clamp(-1.0, 1.0), value.abs().mean()

@@ -44,6 +44,8 @@ class DynaTrainer:
         streams: Streams,
         device: torch.device,
         prior: Sequence[NDArray] | None = None,
+        *,
+        compiles: bool = False,
     ) -> None:
         """Make critics, model and agent; `prior` are the arrays of a `Batch` of elsewhere, learnt from like the run's own."""
         dyna, hidden = config.dyna, config.network.hidden
@@ -52,7 +54,7 @@ class DynaTrainer:
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
         discount = dyna.discount(spec.time_step)
         networks = policy.to(device), critic.to(device), model.to(device)
-        self.agent = Agent(*networks, dyna, config.model, streams, device, discount=discount)
+        self.agent = Agent(*networks, dyna, config.model, streams, device, discount=discount, compiles=compiles)
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))

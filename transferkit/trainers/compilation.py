@@ -1,0 +1,48 @@
+"""Whether a run's updates are compiled."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+from transferkit.envs import NO_LIMIT
+from transferkit.errors import ConfigError
+from transferkit.nn.compiled import cpp_compiler
+
+if TYPE_CHECKING:
+    from transferkit.config import TrainConfig
+
+LEAST_UPDATES = 30_000
+"""Updates that a run must have room for: compiling takes about 20 seconds once and 3 from the cache, and saves 1 to 2 ms each."""
+
+STEPS_PER_SECOND = 50
+"""Environment steps that a budget in seconds is taken for."""
+
+REMEDY = "install g++, or name another compiler in CXX"
+
+
+def is_compiled(config: TrainConfig, episode_limit: int | None, recorded: bool | None = None) -> bool:
+    """Decide it: as it was `recorded` if the run goes on, else as `config.compile` says.
+
+    Raises:
+        ConfigError: it must be, and there is no C++ compiler; or the record says the opposite.
+    """
+    if recorded is not None and config.compile not in ("auto", "on" if recorded else "off"):
+        raise ConfigError(
+            f"{{compile={config.compile}}} differs from the run's record, whose updates are {'' if recorded else 'not '}compiled",
+            remedy="leave {compile} out, or train into another {out}",
+        )
+    wanted = recorded or config.compile == "on" or (recorded is None and config.compile == "auto" and _pays(config, episode_limit))
+    if not wanted or cpp_compiler():
+        return bool(wanted)
+    if recorded or config.compile == "on":
+        raise ConfigError("the updates are to be compiled, and there is no C++ compiler", remedy=REMEDY)
+    logging.getLogger("transferkit").warning("updates are not compiled, which would be faster: %s", REMEDY)
+    return False
+
+
+def _pays(config: TrainConfig, episode_limit: int | None) -> bool:
+    """Whether the budget has room for enough updates."""
+    by_episodes = (config.episodes or 0) * (episode_limit or NO_LIMIT)
+    steps = min(limit for limit in (config.steps, by_episodes, (config.seconds or 0) * STEPS_PER_SECOND) if limit)
+    return config.algo == "dyna-ddpg" and steps * config.dyna.updates_per_step >= LEAST_UPDATES
