@@ -160,12 +160,9 @@ def model_update() -> Call:
     ours = agent(layer_norm=False)
     batch = ours.buffer.split(ours.buffer.sample((MODEL_MEMBERS, MODEL_BATCH), ours.batches))
 
-    def update() -> None:
-        ours.model_optimizer.zero_grad()
-        dynamics_loss(ours.model, batch).backward()
-        ours.model_optimizer.step()
-
-    return update
+    target = ours.model.targets(batch.observation, batch.reward, batch.next_observation)
+    learner = ours.model_learner
+    return lambda: update(learner, batch, target, learner.optimizer.rates(1)[0], dynamics_loss)
 
 
 def model_products() -> Call:

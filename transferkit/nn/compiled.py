@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import torch
+from torch import Tensor
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -34,7 +35,15 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         import torch._dynamo  # noqa: PLC0415 - takes seconds, and most runs do without
 
-        with torch._dynamo.config.patch(trace_autograd_ops=True):
+        with torch._dynamo.config.patch(trace_autograd_ops=True, capture_scalar_outputs=True):
             return inner(*args, **kwargs)
 
     return call
+
+
+def mark_varying(tensors: Iterable[Tensor]) -> None:
+    """Let the first axis of tensors vary from call to call of a compiled function, without compiling it anew."""
+    import torch._dynamo  # noqa: PLC0415
+
+    for tensor in tensors:
+        torch._dynamo.mark_dynamic(tensor, 0)

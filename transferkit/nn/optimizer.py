@@ -19,8 +19,6 @@ class Part:
 
     parameters: Sequence[nn.Parameter]
     lr_scale: float = 1.0
-    clip_group: str = ""
-    """Gradients of the parts of a group are clipped by their common norm."""
     lr: float | None = None
     """Learning rate of its own, unscaled, whatever is written into the groups' `lr`."""
 
@@ -28,66 +26,51 @@ class Part:
 class PartAdam:
     """Adam (Kingma & Ba 2015) that keeps `lr * lr_scale`, or its own `lr`, for every part, whatever its groups' `lr` becomes.
 
-    The parameters of a part become views of one flat tensor: clipping and the step are then a few operations a part instead of
-    several a tensor. The step is tensor operations alone, so that a whole update can be compiled: what depends on the number of
-    steps, `rates`, is computed beforehand.
+    The parameters of a part become views of one flat tensor, so that a step is a few operations a part instead of several a
+    tensor. It is tensor operations alone, so that a whole update can be compiled: what depends on the number of steps, `rates`,
+    is computed beforehand.
     """
 
-    def __init__(self, parts: Sequence[Part], lr: float, *, max_grad_norm: float | None = None) -> None:
-        self.parts, self.max_grad_norm = list(parts), max_grad_norm
+    def __init__(self, parts: Sequence[Part], lr: float) -> None:
+        self.parts = list(parts)
         self.flat = [flatten(part.parameters) for part in self.parts]
         self.param_groups: list[dict[str, Any]] = [{"params": [flat], "lr": lr} for flat in self.flat]
         self.moments = [(torch.zeros_like(flat), torch.zeros_like(flat)) for flat in self.flat]
         self._steps = [0 for _ in self.flat]
-        self._clip_groups = [
-            [k for k, part in enumerate(self.parts) if part.clip_group == name]
-            for name in dict.fromkeys(part.clip_group for part in self.parts)
-        ]
 
     @property
     def learning(self) -> list[int]:
         """The parts that are not frozen."""
         return [k for k, part in enumerate(self.parts) if part.parameters[0].requires_grad]
 
-    def zero_grad(self) -> None:
-        """Remove every gradient."""
-        for part in self.parts:
-            for parameter in part.parameters:
-                parameter.grad = None
-
-    @torch.no_grad()
-    def step(self) -> None:
-        """Clip the gradients, and update every part that is not frozen."""
-        grads = [torch.cat([_gradient(p).reshape(-1) for p in part.parameters]) for part in self.parts]
-        if self.max_grad_norm is not None:
-            for group in self._clip_groups:
-                norm = torch.linalg.vector_norm(torch.stack([torch.linalg.vector_norm(grads[k]) for k in group]))
-                for k in group:
-                    grads[k] /= (norm / self.max_grad_norm).clamp(min=1.0)
-        self.apply(grads, self.rates(1)[0])
-
-    def rates(self, n: int) -> Tensor:
+    def rates(self, n: int, lr: float | None = None) -> Tensor:
         """Count the next `n` steps of the learning parts; returns their step sizes and second moments' scales, `(n, parts, 2)`.
 
-        They are Adam's learning rate over its first bias correction, and one over the root of its second.
+        They are Adam's learning rate, `lr` if it is given in place of the groups', over its first bias correction, and one over
+        the root of its second.
         """
         rates = torch.zeros(n, len(self.parts), 2, dtype=torch.float64)
         for k in self.learning:
             part, first = self.parts[k], self._steps[k] + 1
-            lr = self.param_groups[k]["lr"] * part.lr_scale if part.lr is None else part.lr
+            base = self.param_groups[k]["lr"] if lr is None else lr
+            size = base * part.lr_scale if part.lr is None else part.lr
             steps = torch.arange(first, first + n, dtype=torch.float64)
-            rates[:, k, 0], rates[:, k, 1] = lr / (1 - BETAS[0] ** steps), (1 - BETAS[1] ** steps).rsqrt()
+            rates[:, k, 0], rates[:, k, 1] = size / (1 - BETAS[0] ** steps), (1 - BETAS[1] ** steps).rsqrt()
             self._steps[k] += n
         return rates.to(self.flat[0].device, torch.float32)
 
     @torch.no_grad()
-    def apply(self, grads: Sequence[Tensor], rates: Tensor) -> None:
-        """Update the learning parts by flat gradients, one for each part, at the `rates` `(parts, 2)` of this step."""
+    def apply(self, grads: Sequence[Tensor], rates: Tensor, lr: Tensor | float = 1.0) -> None:
+        """Update the learning parts by flat gradients, one for each part, at the `rates` `(parts, 2)` of this step.
+
+        The step size of a part without a rate of its own is multiplied by `lr`.
+        """
         for k in self.learning:
             first, second = self.moments[k]
             first.lerp_(grads[k], 1 - BETAS[0])
             second.mul_(BETAS[1]).addcmul_(grads[k], grads[k], value=1 - BETAS[1])
-            self.flat[k].sub_(rates[k, 0] * first / (second.sqrt() * rates[k, 1] + EPSILON))
+            size = rates[k, 0] * lr if self.parts[k].lr is None else rates[k, 0]
+            self.flat[k].sub_(size * first / (second.sqrt() * rates[k, 1] + EPSILON))
 
     def state_dict(self) -> dict[str, Any]:
         """Return moments, steps and learning rates."""
@@ -105,10 +88,6 @@ class PartAdam:
         self._steps = [int(steps) for steps in state["steps"]]
         for group, lr in zip(self.param_groups, state["lr"], strict=True):
             group["lr"] = lr
-
-
-def _gradient(parameter: nn.Parameter) -> Tensor:
-    return torch.zeros_like(parameter) if parameter.grad is None else parameter.grad
 
 
 def flatten(parameters: Sequence[nn.Parameter]) -> Tensor:

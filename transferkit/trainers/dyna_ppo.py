@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from torch import nn
 
 from transferkit.errors import ConfigError
-from transferkit.nn import PartAdam
+from transferkit.nn import Learner
+from transferkit.nn.compiled import compiled
 from transferkit.policy.critic_and_model import make_dynamics
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
 from transferkit.trainers.dyna.diagnostics import diagnose
-from transferkit.trainers.dyna.fit import fit
+from transferkit.trainers.dyna.fit import fit, update_model
 from transferkit.trainers.dyna.imagined_env import ImaginedEnv
 from transferkit.trainers.dyna.replay import ReplayBuffer
 from transferkit.trainers.ppo.algorithm import PPO
@@ -42,7 +43,16 @@ class DynaPPOTrainer:
     num_envs = 1
     overrun_steps = 0
 
-    def __init__(self, policy: Policy, spec: IOSpec, config: TrainConfig, streams: Streams, device: torch.device) -> None:
+    def __init__(
+        self,
+        policy: Policy,
+        spec: IOSpec,
+        config: TrainConfig,
+        streams: Streams,
+        device: torch.device,
+        *,
+        compiles: bool = False,
+    ) -> None:
         settings = config.dyna_ppo
         self.config, self.device = config, device
         self.model = make_dynamics(
@@ -60,10 +70,12 @@ class DynaPPOTrainer:
             num_envs=settings.rollouts,
             capacity=self.rule.capacity,
             minibatch_sizes=self.rule.minibatch_sizes,
+            compiles=compiles,
             learns_statistics=False,  # imagined observations say nothing about real ones
         )
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, settings.buffer_size, device)
-        self.optimizer = PartAdam(learning_parts(self.model, policy), config.model.learning_rate)
+        self.learner = Learner(self.model, learning_parts(self.model, policy), config.model.learning_rate)
+        self._update_model = compiled(update_model) if compiles else update_model
         self.noise, self.generator = streams.torch("exploration", device), streams.torch("imagination", device)
         self.fitted = False
 
@@ -100,7 +112,7 @@ class DynaPPOTrainer:
             session.directory.append(diagnose(self.model, self.buffer, session.spent.steps))
         self.policy.at_progress(progress)
         thaw(self.model, self.policy, progress)
-        metrics = {"model": fit(self.model, self.optimizer, self.buffer, self.config.model, self.generator)}
+        metrics = {"model": fit(self.learner, self.buffer, self.config.model, self.generator, self._update_model)}
         self.fitted = True
         self.algorithm.set_learning_rate(progress, session.spent.episodes)
         return metrics | self._improve()
@@ -110,7 +122,7 @@ class DynaPPOTrainer:
         return {
             "algorithm": self.algorithm.state(),
             "model": self.model.state_dict(),
-            "optimizer": self.optimizer.state_dict(),
+            "optimizer": self.learner.optimizer.state_dict(),
             "generators": [self.noise.get_state(), self.generator.get_state()],
             "buffer": self.buffer.state(),
             "fitted": self.fitted,
@@ -120,7 +132,7 @@ class DynaPPOTrainer:
         """Take what `state` returned."""
         self.algorithm.restore(state["algorithm"])
         self.model.load_state_dict(state["model"])
-        self.optimizer.load_state_dict(state["optimizer"])
+        self.learner.optimizer.load_state_dict(state["optimizer"])
         for generator, saved in zip((self.noise, self.generator), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])

@@ -35,16 +35,16 @@ def make_trainer(
         streams: of the run's seed.
         device: of the networks.
         prior: the arrays of a `Batch` of elsewhere, to learn from at first.
-        compiles: whether DYNA-DDPG's updates are compiled.
+        compiles: whether updates are compiled.
     """
     if config.algo == "ppo":
         from transferkit.trainers.ppo.trainer import PPOTrainer  # noqa: PLC0415
 
-        return PPOTrainer(policy, config, streams, device)
+        return PPOTrainer(policy, config, streams, device, compiles=compiles)
     if config.algo == "dyna-ppo":
         from transferkit.trainers.dyna_ppo import DynaPPOTrainer  # noqa: PLC0415
 
-        return DynaPPOTrainer(policy, spec_of(), config, streams, device)
+        return DynaPPOTrainer(policy, spec_of(), config, streams, device, compiles=compiles)
     from transferkit.trainers.dyna.trainer import DynaTrainer  # noqa: PLC0415
 
     return DynaTrainer(policy, spec_of(), config, streams, device, prior, compiles=compiles)

@@ -3,7 +3,7 @@ import torch
 
 from tests.toys import Fixed, only, transition
 from transferkit.config import ModelConfig
-from transferkit.nn import Dynamics, Ensemble, EnsembleArchitecture, JointInput, Part, PartAdam
+from transferkit.nn import Dynamics, Ensemble, EnsembleArchitecture, JointInput, Learner, Part
 from transferkit.streams import Streams
 from transferkit.trainers.dyna.fit import fit
 from transferkit.trainers.dyna.imagined_env import ImaginedEnv
@@ -26,7 +26,7 @@ def model(buffer):
     ensemble = Ensemble(EnsembleArchitecture(3, 2, Dynamics.out_dim(1), (32,)), Streams(0).torch("model"))
     made = Dynamics(JointInput(None), ensemble, 1)
     config = ModelConfig(updates=600, hidden=(32,), members=3)
-    fit(made, PartAdam([Part(list(made.parameters()))], 3e-3), buffer, config, Streams(0).torch("fit"))
+    fit(Learner(made, [Part(list(made.parameters()))], 3e-3), buffer, config, Streams(0).torch("fit"))
     return made
 
 
@@ -61,8 +61,8 @@ def test_a_fit_that_no_longer_gains_stops_early(buffer):
             return super().forward(x) + 0 * self.unused
 
     model = Dynamics(JointInput(None), Stuck(), 1)
-    optimizer = PartAdam([Part(list(model.parameters()))], 1e-3)
-    fit(model, optimizer, buffer, ModelConfig(members=1, updates=250), Streams(0).torch("fit"))
+    learner = Learner(model, [Part(list(model.parameters()))], 1e-3)
+    fit(learner, buffer, ModelConfig(members=1, updates=250), Streams(0).torch("fit"))
     assert model.ensemble.calls == 50
-    fit(model, optimizer, buffer, ModelConfig(members=1, updates=50), Streams(0).torch("fit"))
+    fit(learner, buffer, ModelConfig(members=1, updates=50), Streams(0).torch("fit"))
     assert model.ensemble.calls == 100  # so few are all done

@@ -20,12 +20,15 @@ class Twice(nn.Module):
 
 
 def test_td_target():
-    def target(batch, noise=None):
-        return td_target(Half(), Twice(), batch, noise, reward_scale=0.1, discount=0.9).item()
+    def target(batch, noise=None, members=None):
+        batch = Batch(*(tensor[None] for tensor in batch))
+        return td_target(Half(), Twice(), batch, noise, reward_scale=0.1, discount=0.9, members=members).item()
 
     # next action -1.0, total -3.0, members -3 and -9: the least is -9
     assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0)) == pytest.approx(0.5 + 0.9 * -9)
     assert target(transition(0.0, 0.0, 5.0, -2.0, 1.0)) == pytest.approx(0.5)  # ended
+    # the first member alone is asked
+    assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0), members=torch.tensor([[0]])) == pytest.approx(0.5 + 0.9 * -3)
     # 0.5 + 0.9 is clipped to 1
     assert target(transition(0.0, 0.0, 5.0, 1.0, 0.0), torch.tensor([[0.9]])) == pytest.approx(0.5 + 0.9 * 2.0)
 
@@ -35,10 +38,10 @@ def test_critic_and_actor_loss():
     # members 2, 2 and 6, 6 against 1 and 2: (1 + 0) / 2 + (25 + 16) / 2
     assert critic_loss(Twice(), observation, action, torch.tensor([1.0, 2.0])).item() == pytest.approx(21.0)
     # actions 0.5 and 1, totals 1.5 and 3, mean over members 3 and 6
-    assert actor_loss(Half(), Twice(), observation).item() == pytest.approx(-4.5)
+    assert actor_loss(Half(), Twice(), observation, squash=True).item() == pytest.approx(-4.5)
     # at first the actions were 0.25 and 0.5: squared distances 1/16 and 1/4
     first = lambda x: (Half()(x)[0] / 2, None)  # noqa: E731
-    assert actor_loss(Half(), Twice(), observation, first, 2.0).item() == pytest.approx(-1.0 + 2 * (1 / 16 + 1 / 4) / 2)
+    assert actor_loss(Half(), Twice(), observation, first, 2.0, squash=True).item() == pytest.approx(-1.0 + 2 * (1 / 16 + 1 / 4) / 2)
 
 
 def test_gradients_are_inverted_at_the_bounds():
@@ -57,4 +60,5 @@ def test_dynamics_loss():
     soft = lambda raw: low + math.log1p(math.exp(high - math.log1p(math.exp(high - raw)) - low))  # noqa: E731
     first, second = soft(-30.0), soft(0.0)
     likelihood = ((0.0 + first) + (1.0 * math.exp(-second) + second)) / 2
-    assert dynamics_loss(model, batch).item() == pytest.approx(0.5 * likelihood + math.log(2), rel=1e-5)
+    target = model.targets(batch.observation, batch.reward, batch.next_observation)
+    assert dynamics_loss(model, batch, target).item() == pytest.approx(0.5 * likelihood + math.log(2), rel=1e-5)

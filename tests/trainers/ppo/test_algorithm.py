@@ -2,11 +2,13 @@ import copy
 
 import numpy as np
 import pytest
+import rsl_rl.algorithms
 import torch
 from torch import nn
 from torch.nn.utils import parameters_to_vector
 
 from tests.trainers.ppo.steps import algorithm, play, step
+from transferkit.trainers.ppo.minibatch import OneMinibatch
 
 
 def value(ppo, observation):
@@ -57,7 +59,7 @@ def test_minibatches_cover_every_sample_once_an_epoch():
         ppo = algorithm(rollout="steps", batch_size=3, **options)
         play(ppo, [step(float(k)) for k in range(4)])
         ppo.rollouts.close()
-        return ppo.rollouts.actions, list(ppo.rollouts.mini_batch_generator(ppo.rollouts.num_mini_batches, epochs))
+        return ppo.rollouts.actions, list(ppo.rollouts.minibatches(epochs))
 
     actions, batches = minibatches(2)
     assert [batch.actions.shape[0] for batch in batches] == [3, 1, 3, 1]
@@ -102,25 +104,86 @@ def test_between_two_rollouts_it_goes_on_from_its_state():
         assert torch.equal(a, b)
 
 
+class Stock(nn.Module):
+    """A network of ours as rsl_rl would have it: its own parameters, and torch's distribution."""
+
+    is_recurrent = False
+
+    def __init__(self, network):
+        super().__init__()
+        self.network = copy.deepcopy(network)
+        for name, parameter in list(self.network.named_parameters()):  # no longer views of flat tensors
+            owner, _, attribute = name.rpartition(".")
+            setattr(self.network.get_submodule(owner), attribute, nn.Parameter(parameter.detach().clone()))
+
+    def parameters(self, recurse=True):
+        return iter([parameter for _, parameter in self.network.named_parameters()])
+
+    def forward(self, obs, **_):
+        found = self.network(obs.tensor)
+        if isinstance(found, tuple):
+            self.output_distribution_params = found
+            self.distribution = torch.distributions.Normal(found[0], found[1].exp())
+        return found
+
+    def get_output_log_prob(self, actions):
+        return self.distribution.log_prob(actions).sum(-1)
+
+    @property
+    def output_entropy(self):
+        return self.distribution.entropy().sum(-1)
+
+    def get_kl_divergence(self, old, new):
+        old, new = (torch.distributions.Normal(mean, log_std.exp()) for mean, log_std in (old, new))
+        return torch.distributions.kl_divergence(old, new).sum(-1)
+
+    def update_normalization(self, obs):
+        """Nothing is normalised."""
+
+
 @pytest.mark.parametrize("schedule", ["fixed", "adaptive"])
 def test_our_update_equals_stock_rsl_rl_with_stock_adam(schedule):
-    """Flat buffers, the fused step and the handwritten density gradient change the speed and nothing else."""
+    """Flat weights, the step and the handwritten density change the speed and nothing else."""
     options = {"batch_size": 2, "rollout": "steps", "epochs": 3, "shuffle": False, "entropy_coefficient": 0.01}
     ours = algorithm(**options, max_grad_norm=0.1, schedule=schedule, critic_learning_rate=None)
     last = play(ours, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)])
-    stock = copy.deepcopy(ours)
-    for model in (stock.actor, stock.critic):  # plain parameters, no longer views of flat buffers
-        for name, parameter in list(model.named_parameters()):
-            owner, _, attribute = name.rpartition(".")
-            setattr(model.get_submodule(owner), attribute, nn.Parameter(parameter.detach().clone()))
-        model.parameters = [parameter for _, parameter in model.named_parameters()].__iter__  # what rsl_rl clips
-    stock.max_grad_norm = ours.config.max_grad_norm
-    stock.optimizer = torch.optim.Adam([*stock.actor.parameters(), *stock.critic.parameters()], lr=ours.learning_rate)
-    losses = ours.learn(last), stock.learn(last)
-    assert losses[0] == pytest.approx(losses[1], rel=1e-5)
-    assert ours.learning_rate == stock.learning_rate
-    assert (ours.learning_rate == ours.config.learning_rate) == (schedule == "fixed")
-    for model in ("actor", "critic"):
-        theirs = dict(getattr(stock, model).named_parameters())
-        for name, parameter in getattr(ours, model).named_parameters():
-            torch.testing.assert_close(parameter.detach(), theirs[name].detach(), rtol=1e-4, atol=1e-6)
+    before, minibatches, update = ours.learning_rate, [], ours._update_minibatch
+
+    def noted(rule, actor, critic, minibatch, *rest):
+        minibatches.append(minibatch)
+        return update(rule, actor, critic, minibatch, *rest)
+
+    theirs = StockPPO(ours)
+    ours._update_minibatch = noted
+    losses = ours.learn(last)
+    assert losses == pytest.approx(theirs.update(minibatches), rel=1e-5)
+    assert ours.learning_rate == pytest.approx(theirs.learning_rate)
+    assert (ours.learning_rate == pytest.approx(before)) == (schedule == "fixed")
+    for own, stock in ((ours.policy, theirs.actor), (ours.values, theirs.critic)):
+        other = dict(stock.network.named_parameters())
+        for name, parameter in own.named_parameters():
+            torch.testing.assert_close(parameter.detach(), other[name].detach(), rtol=1e-4, atol=1e-6)
+
+
+class StockPPO:
+    """What rsl_rl's update reads of its algorithm, with its own schedule, torch's clipping and torch's Adam."""
+
+    rnd = symmetry = None
+    use_mixed_precision = use_clipped_value_loss = is_multi_gpu = normalize_advantage_per_mini_batch = False
+    num_mini_batches = num_learning_epochs = 1
+    gpu_global_rank, device = 0, "cpu"
+
+    def __init__(self, ours):
+        self.actor, self.critic = Stock(ours.policy), Stock(ours.values)
+        self.clip_param, self.value_loss_coef = ours.config.clip, ours.config.value_coefficient
+        self.entropy_coef, self.max_grad_norm = ours.config.entropy_coefficient, ours.config.max_grad_norm
+        self.schedule, self.desired_kl, self.learning_rate = ours.config.schedule, ours.config.desired_kl, ours.learning_rate
+        parameters = [*self.actor.parameters(), *self.critic.parameters()]
+        self.optimizer = torch.optim.Adam(parameters, lr=ours.learning_rate)
+
+    def update(self, minibatches):
+        losses = []
+        for minibatch in minibatches:
+            self.storage = OneMinibatch(minibatch)
+            losses.append(rsl_rl.algorithms.PPO.update(self))
+        return {name: np.mean([loss[name] for loss in losses]) for name in losses[0]}

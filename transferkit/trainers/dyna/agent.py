@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from transferkit.nn import Learner, Part, PartAdam, flatten
 from transferkit.nn.compiled import compiled
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
-from transferkit.trainers.dyna.fit import fit
+from transferkit.trainers.dyna.fit import fit, update_model
 from transferkit.trainers.dyna.imagine import imagine, novelty
 from transferkit.trainers.dyna.losses import td_target
 from transferkit.trainers.dyna.replay import ReplayBuffer
@@ -65,7 +65,7 @@ class Agent:
         actor = Learner(policy, [Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
         critics = Learner(critic, learning_parts(critic, policy), config.critic_learning_rate)
         self.actor_optimizer, self.critic_optimizer = actor.optimizer, critics.optimizer
-        self.model_optimizer = PartAdam(learning_parts(model, policy), model_config.learning_rate)
+        self.model_learner = Learner(model, learning_parts(model, policy), model_config.learning_rate)
         self.target_policy, self.target_critic = self._copy(policy), self._copy(critic)
         self._targets = [flatten(g.parameters) for g in self.target_policy.parameter_groups()]
         self._targets += [flatten(part.parameters) for part in learning_parts(self.target_critic, policy)]
@@ -77,6 +77,7 @@ class Agent:
         self.returns = RunningReturn(1, discount)
         self._update = compiled(update) if compiles else update
         self._td_target = compiled(td_target) if compiles else td_target
+        self._update_model = compiled(update_model) if compiles else update_model
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded = False
         self.losses: dict[str, Tensor] = {}
@@ -212,7 +213,7 @@ class Agent:
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
 
     def _fit(self) -> None:
-        loss = fit(self.model, self.model_optimizer, self.buffer, self.model_config, self.imagination)
+        loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self._update_model)
         self.losses["model"] = torch.tensor(loss)
 
     def _batches(self) -> Tensor:
@@ -264,7 +265,7 @@ class Agent:
         return modules
 
     def _optimizers(self) -> tuple[PartAdam, ...]:
-        return self.actor_optimizer, self.critic_optimizer, self.model_optimizer
+        return self.actor_optimizer, self.critic_optimizer, self.model_learner.optimizer
 
     def _generators(self) -> tuple[torch.Generator, ...]:
         return self.exploration, self.batches, self.imagination

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import torch
+from torch import Tensor
 
+from transferkit.nn import Dynamics
 from transferkit.trainers.dyna.losses import dynamics_loss, squared_error_loss
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
     from transferkit.config import ModelConfig
-    from transferkit.nn import Dynamics, PartAdam
+    from transferkit.nn import Learner
     from transferkit.trainers.dyna.replay import ReplayBuffer
+
+Loss = Callable[..., Tensor]
+"""`dynamics_loss` or `squared_error_loss`."""
 
 HOLDOUT = 0.1
 """Share of the transitions that only decide when to stop."""
@@ -27,31 +33,46 @@ MIN_GAIN = 0.01
 """Least fall of their loss, as a share of it, to go on."""
 
 
-def fit(model: Dynamics, optimizer: PartAdam, buffer: ReplayBuffer, config: ModelConfig, generator: torch.Generator) -> float:
-    """Train at most `updates` batches, fewer once the held-out loss no longer falls; returns the last loss.
+def update_model(learner: Learner, batch: Batch, target: Tensor, rates: Tensor, loss: Loss) -> Tensor:
+    """Step down a loss of the model."""
+    weights = learner.weights()
+    value = loss(lambda *inputs: learner(weights, *inputs), batch, target)
+    learner.descend(value, weights, rates)
+    return value.detach()
+
+
+def fit(
+    learner: Learner,
+    buffer: ReplayBuffer,
+    config: ModelConfig,
+    generator: torch.Generator,
+    update: Callable[..., Tensor] = update_model,
+) -> float:
+    """Train a `Dynamics` with at most `updates` batches, fewer once the held-out loss no longer falls; returns the last loss.
 
     Each member learns from batches of its own. What is held out stays so as long as it is remembered.
     """
-    data = buffer.all()
+    data, model = buffer.all(), _dynamics(learner)
+    loss_of = dynamics_loss if config.loss == "likelihood" else squared_error_loss
     if config.normalize_targets:
         model.set_statistics(data.observation, data.reward, data.next_observation)
     held_out = _held_out(len(buffer), config, data.reward.device)
     training = torch.nonzero(~held_out).squeeze(-1)
     checking = torch.nonzero(held_out).squeeze(-1)[-HOLDOUT_ROWS:]
     best, loss = float("inf"), torch.zeros(())
-    for update in range(config.updates):
-        if len(checking) and update % CHECK_EVERY == 0:
-            current = _held_out_loss(model, data, checking, config)
-            if current > best - MIN_GAIN * abs(best) and update:
+    for k in range(config.updates):
+        if len(checking) and k % CHECK_EVERY == 0:
+            held = _rows(data, checking.expand(config.members, -1))
+            with torch.no_grad():
+                current = float(loss_of(model, held, _targets(model, held)))
+            if current > best - MIN_GAIN * abs(best) and k:
                 break
             best = current
         shape = config.members, config.batch_size
         rows = training[torch.randint(len(training), shape, generator=generator, device=training.device)]
-        optimizer.zero_grad()
-        loss = _loss(model, _rows(data, rows), config)
-        loss.backward()
-        optimizer.step()
-    return float(loss.detach())
+        batch = _rows(data, rows)
+        loss = update(learner, batch, _targets(model, batch), learner.optimizer.rates(1)[0], loss_of)
+    return float(loss)
 
 
 def _held_out(n: int, config: ModelConfig, device: torch.device) -> torch.Tensor:
@@ -61,13 +82,13 @@ def _held_out(n: int, config: ModelConfig, device: torch.device) -> torch.Tensor
     return torch.arange(n, device=device) % every == 0
 
 
-@torch.no_grad()
-def _held_out_loss(model: Dynamics, data: Batch, rows: torch.Tensor, config: ModelConfig) -> float:
-    return float(_loss(model, _rows(data, rows.expand(config.members, -1)), config))
+def _dynamics(learner: Learner) -> Dynamics:
+    assert isinstance(learner.module, Dynamics)
+    return learner.module
 
 
-def _loss(model: Dynamics, batch: Batch, config: ModelConfig) -> torch.Tensor:
-    return dynamics_loss(model, batch) if config.loss == "likelihood" else squared_error_loss(model, batch)
+def _targets(model: Dynamics, batch: Batch) -> Tensor:
+    return model.targets(batch.observation, batch.reward, batch.next_observation)
 
 
 def _rows(data: Batch, rows: torch.Tensor) -> Batch:

@@ -10,7 +10,6 @@ from torch import Tensor
 from torch.nn import functional
 
 if TYPE_CHECKING:
-    from transferkit.nn import Dynamics
     from transferkit.trainers.dyna.replay import Batch
 
 Value = Callable[[Tensor, Tensor], Tensor]
@@ -18,6 +17,9 @@ Value = Callable[[Tensor, Tensor], Tensor]
 
 Actor = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Maps observations `(B, obs_dim)` to mean and log-std of actions, each `(B, act_dim)`."""
+
+Model = Callable[[Tensor, Tensor], tuple[Tensor, Tensor, Tensor]]
+"""Maps observations `(E, B, obs_dim)` and actions `(E, B, act_dim)` to what `Dynamics.forward` returns."""
 
 
 @torch.no_grad()
@@ -92,20 +94,18 @@ def bounded(action: Tensor) -> Tensor:
     return through
 
 
-def dynamics_loss(model: Dynamics, batch: Batch) -> Tensor:
+def dynamics_loss(model: Model, batch: Batch, target: Tensor) -> Tensor:
     """Gaussian negative log-likelihood (Chua et al. 2018, equation 1) and cross-entropy of termination.
 
-    The batch has its own rows for each member, `(E, B, ...)`; the loss is summed over members.
+    The batch has its own rows for each member, `(E, B, ...)`, as `target`, `(E, B, obs_dim + 1)`; the loss is summed over members.
     """
     mean, log_var, logit = model(batch.observation, batch.action)
-    targets = model.targets(batch.observation, batch.reward, batch.next_observation)
-    likelihood = ((mean - targets).square() * torch.exp(-log_var) + log_var).mean((-1, -2)).sum()
+    likelihood = ((mean - target).square() * torch.exp(-log_var) + log_var).mean((-1, -2)).sum()
     termination = functional.binary_cross_entropy_with_logits(logit, batch.terminated, reduction="none").mean(-1).sum()
     return 0.5 * likelihood + termination
 
 
-def squared_error_loss(model: Dynamics, batch: Batch) -> Tensor:
+def squared_error_loss(model: Model, batch: Batch, target: Tensor) -> Tensor:
     """Mean squared error of the next observation alone: the paper's model."""
     mean, _, _ = model(batch.observation, batch.action)
-    targets = model.targets(batch.observation, batch.reward, batch.next_observation)
-    return (mean - targets)[..., :-1].square().mean()
+    return (mean - target)[..., :-1].square().mean()

@@ -11,13 +11,16 @@ os.environ.setdefault("GIT_PYTHON_REFRESH", "quiet")  # rsl_rl imports git, whic
 import numpy as np
 import rsl_rl.algorithms
 import torch
-from gymnasium.wrappers.utils import RunningMeanStd
 from numpy.typing import NDArray
 from torch import Tensor
 
-from transferkit.nn import Part, PartAdam, gaussian
+from transferkit.nn import Learner, Part, gaussian
+from transferkit.nn.compiled import compiled, mark_varying
+from transferkit.trainers.ppo.minibatch import Rule, update_minibatch
 from transferkit.trainers.ppo.models import Actor, Critic
+from transferkit.trainers.ppo.optimizers import Optimizers
 from transferkit.trainers.ppo.storage import Storage
+from transferkit.trainers.running_return import RunningReturn
 
 if TYPE_CHECKING:
     from transferkit.config import NetworkConfig, PPOConfig
@@ -33,7 +36,7 @@ REWARD_CLIP = 10.0
 
 
 class PPO(rsl_rl.algorithms.PPO):
-    """Collects with `sample` and `process_step`, learns with `compute_returns` and `update`; GAE and the update are rsl_rl's.
+    """Collects with `sample` and `process_step`, learns with `compute_returns` and `update`; GAE and the losses are rsl_rl's.
 
     Added: the value of the true final observation at time-outs, reward scaling, Monte-Carlo value targets, schedules.
     """
@@ -49,9 +52,10 @@ class PPO(rsl_rl.algorithms.PPO):
         num_envs: int,
         capacity: int,
         minibatch_sizes: Callable[[int], Sequence[int]],
+        compiles: bool = False,
         learns_statistics: bool = True,
     ) -> None:
-        """Make critic, storage and optimiser around a policy; `network` shapes the critic."""
+        """Make critic, storage and optimiser around a policy; `network` shapes the critic, `compiles` compiles the updates."""
         self.policy, self.config = policy, config
         self.noise, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         storage = Storage(
@@ -63,7 +67,7 @@ class PPO(rsl_rl.algorithms.PPO):
             shuffle=config.shuffle,
             generator=self.batches,
         )
-        actor = Actor(policy, self.noise, entropy_bonus=config.entropy_coefficient > 0, learns_statistics=learns_statistics)
+        actor = Actor(policy, self.noise)
         critic = _critic(policy, network, streams)
         super().__init__(
             cast("Any", actor),
@@ -83,11 +87,23 @@ class PPO(rsl_rl.algorithms.PPO):
             device=str(device),
         )
         self.sampler, self.values, self.rollouts = actor, critic, storage
-        parts = [Part(group.parameters, group.lr_scale, "actor") for group in policy.parameter_groups()]
-        parts.append(Part(critic.learnt(), clip_group="critic", lr=config.critic_learning_rate))
-        self.optimizer = cast("Any", PartAdam(parts, config.learning_rate, max_grad_norm=config.max_grad_norm))
-        self.returns = RunningMeanStd(shape=())
-        self._running_return = np.zeros(num_envs)
+        self._learns_statistics = learns_statistics
+        self.rule = Rule(
+            config.clip,
+            config.value_coefficient,
+            config.entropy_coefficient,
+            config.max_grad_norm,
+            normalize_advantage_per_mini_batch=config.normalize_advantage == "batch",
+            device=str(device),
+            desired_kl=config.desired_kl if config.schedule == "adaptive" else None,
+        )
+        parts = [Part(group.parameters, group.lr_scale) for group in policy.parameter_groups()]
+        learnt = [Part(critic.learnt(), lr=config.critic_learning_rate)]
+        self.learners = Learner(policy, parts, config.learning_rate), Learner(critic, learnt, config.learning_rate)
+        self.optimizer = cast("Any", Optimizers([learner.optimizer for learner in self.learners]))
+        self._update_minibatch = compiled(update_minibatch) if compiles else update_minibatch
+        self._varying = compiles and config.rollout != "steps"
+        self.returns = RunningReturn(num_envs, config.gamma)
         self.train_mode()
 
     def sample(self, obs: Tensor) -> Tensor:
@@ -121,9 +137,27 @@ class PPO(rsl_rl.algorithms.PPO):
         self.compute_returns(cast("Any", torch.from_numpy(observation).to(self.device)))
         if self.config.value_target == "monte-carlo":
             monte_carlo_returns(storage, self.gamma)
-        self.num_mini_batches = storage.num_mini_batches
         with torch.enable_grad():
             return self.update()
+
+    def update(self) -> dict[str, float]:
+        """Take rsl_rl's update of every minibatch, the statistics of observations after them; mean losses."""
+        storage, epochs = self.rollouts, self.num_learning_epochs
+        count = epochs * storage.num_mini_batches
+        learning_rate = torch.tensor(self.learning_rate, device=self.device)
+        rates = [learner.optimizer.rates(count, lr=1.0) for learner in self.learners]
+        total = dict.fromkeys(("value", "surrogate", "entropy"), 0.0)
+        for k, minibatch in enumerate(storage.minibatches(epochs)):
+            if self._varying:
+                mark_varying(minibatch)
+            step_rates = rates[0][k], rates[1][k]
+            losses = self._update_minibatch(self.rule, *self.learners, minibatch, step_rates, learning_rate)
+            total = {name: total[name] + losses[name] / count for name in total}
+        self.learning_rate = float(learning_rate)
+        if self._learns_statistics:
+            self.policy.update_normalizer(cast("Tensor", storage.observations).flatten(0, 1))
+        storage.clear()
+        return total
 
     def set_learning_rate(self, progress: float, episodes: int) -> None:
         """Follow the schedule to this share of the budget and number of episodes."""
@@ -141,8 +175,7 @@ class PPO(rsl_rl.algorithms.PPO):
             "learning_rate": self.learning_rate,
             "noise": self.noise.get_state(),
             "minibatches": self.batches.get_state(),
-            "returns": [float(self.returns.mean), float(self.returns.var), float(self.returns.count)],
-            "running_return": self._running_return.tolist(),
+            **self.returns.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -151,17 +184,14 @@ class PPO(rsl_rl.algorithms.PPO):
         self.learning_rate = state["learning_rate"]
         self.noise.set_state(state["noise"])
         self.batches.set_state(state["minibatches"])
-        self.returns.mean, self.returns.var, self.returns.count = state["returns"]
-        self._running_return = np.array(state["running_return"])
+        self.returns.restore(state)
 
     def _scale(self, step: Step) -> NDArray[np.float32]:
         """Divide rewards by the running deviation of the discounted return."""
         if not self.config.normalize_reward:
             return step.reward
-        self._running_return = self._running_return * self.gamma + step.reward
-        self.returns.update(self._running_return)
-        self._running_return[step.done] = 0.0
-        scaled = step.reward / np.sqrt(self.returns.var + 1e-8)
+        self.returns.add(step.reward, step.done)
+        scaled = step.reward / self.returns.deviation
         return np.clip(scaled, -REWARD_CLIP, REWARD_CLIP).astype(np.float32)
 
 

@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Generator, Sequence
-from typing import Any, cast
+from collections.abc import Callable, Iterator, Sequence
+from typing import cast
 
 import torch
 from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 from torch import Tensor
 
-
-class Minibatch:
-    """Observations `(B, obs_dim)` that tell rsl_rl their `batch_size`, as a TensorDict does at many times the cost."""
-
-    __slots__ = ("batch_size", "tensor")
-
-    def __init__(self, tensor: Tensor) -> None:
-        self.tensor, self.batch_size = tensor, tensor.shape[:1]
+from transferkit.trainers.ppo.minibatch import Minibatch
 
 
 class Storage(RolloutStorage):
@@ -69,28 +62,16 @@ class Storage(RolloutStorage):
         """Minibatches of a pass over the rollout."""
         return len(self._minibatch_sizes(self.step * self.num_envs))
 
-    def mini_batch_generator(self, num_mini_batches: int, num_epochs: int = 8) -> Generator[RolloutStorage.Batch]:
+    def minibatches(self, epochs: int) -> Iterator[Minibatch]:
         """Yield minibatches, permuted anew in every epoch, or in the order of time."""
-        flat = {name: getattr(self, name).flatten(0, 1) for name in self.FIELDS if name not in ("rewards", "dones")}
-        params = [p.flatten(0, 1) for p in cast("tuple[Tensor, ...]", self.distribution_params)]
-        size = flat["actions"].shape[0]
+        names = ("observations", "actions", "values", "advantages", "returns", "actions_log_prob")
+        tensors = *(getattr(self, name) for name in names), *cast("tuple[Tensor, ...]", self.distribution_params)
+        flat = [tensor.flatten(0, 1) for tensor in tensors]
+        size = len(flat[0])
         ends = list(itertools.accumulate(self._minibatch_sizes(size), initial=0))
-        for _ in range(num_epochs):
+        for _ in range(epochs):
             order = torch.randperm(size, generator=self._generator, device=self.device) if self._shuffle else None
             # One gather an epoch; minibatches are then views.
-            epoch = flat if order is None else {name: tensor[order] for name, tensor in flat.items()}
-            epoch_params = params if order is None else [p[order] for p in params]
+            epoch = flat if order is None else [tensor[order] for tensor in flat]
             for rows in itertools.starmap(slice, itertools.pairwise(ends)):
-                yield self._batch({name: tensor[rows] for name, tensor in epoch.items()}, [p[rows] for p in epoch_params])
-
-    @staticmethod
-    def _batch(rows: dict[str, Tensor], params: list[Tensor]) -> RolloutStorage.Batch:
-        return RolloutStorage.Batch(
-            observations=cast("Any", Minibatch(rows["observations"])),
-            actions=rows["actions"],
-            values=rows["values"],
-            advantages=rows["advantages"],
-            returns=rows["returns"],
-            old_actions_log_prob=rows["actions_log_prob"],
-            old_distribution_params=tuple(params),
-        )
+                yield Minibatch(*(tensor[rows] for tensor in epoch))

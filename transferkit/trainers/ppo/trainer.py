@@ -25,7 +25,9 @@ class PPOTrainer:
 
     overrun_steps = 0
 
-    def __init__(self, policy: Policy, config: TrainConfig, streams: Streams, device: torch.device) -> None:
+    def __init__(
+        self, policy: Policy, config: TrainConfig, streams: Streams, device: torch.device, *, compiles: bool = False
+    ) -> None:
         self.policy, self.config, self.num_envs = policy.to(device), config.ppo, config.ppo.num_envs
         self.rule = RolloutRule(config.ppo, self.num_envs)
         self.algorithm = PPO(
@@ -37,6 +39,7 @@ class PPOTrainer:
             num_envs=self.num_envs,
             capacity=self.rule.capacity,
             minibatch_sizes=self.rule.minibatch_sizes,
+            compiles=compiles,
         )
 
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
