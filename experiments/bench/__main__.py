@@ -15,7 +15,8 @@ from collections.abc import Sequence
 
 BENCHES = {
     "ppo": "PPO against stable-baselines3, and start-up times",
-    "dyna": "DYNA-DDPG's updates against stable-baselines3, mbrl-lib and their matrix products alone",
+    "dyna": "DYNA-DDPG's updates and steps against stable-baselines3, SBX and their matrix products alone",
+    "model": "the learnt model against mbrl-lib",
     "record": "recording against evaluation, and reading back",
     "probe": "deriving what the numbers of every environment mean",
     "report": "the report of 1,000 runs",

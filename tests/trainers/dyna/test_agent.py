@@ -22,7 +22,7 @@ def make_agent(policy, spec, config, *, model=MODEL, discount=0.99, wrapped=Fals
     streams = Streams(0)
     critic = make_critic(policy, config, (16, 16), streams.torch("critic"), wrapped=wrapped)
     dynamics = make_dynamics(policy, spec, model, streams.torch("model"))
-    options = {"discount": discount, "compiles": compiles}
+    options = {"discount_at": lambda _: discount, "compiles": compiles}
     return Agent(policy, critic, dynamics, config, model, streams, torch.device("cpu"), **options)
 
 

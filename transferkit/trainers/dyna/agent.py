@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from transferkit.nn import Critic, Dynamics
     from transferkit.policy.base import Policy
     from transferkit.streams import Streams
+    from transferkit.trainers.dyna.keeper import Keeper
     from transferkit.trainers.dyna.replay import Batch
 
 LONGEST_WARM_UP = 10
@@ -54,12 +56,15 @@ class Agent:
         streams: Streams,
         device: torch.device,
         *,
-        discount: float,
+        discount_at: Callable[[float], float],
+        return_steps: int = 1,
+        noise_memory: float = 0.0,
         compiles: bool = False,
+        keeper: Keeper | None = None,
     ) -> None:
-        """Make buffer, optimisers and target networks; `discount` is per environment step."""
+        """Make buffer, optimisers and target networks; `discount_at` a share of the budget is the discount of an environment step."""
         self.policy, self.critic, self.model, self.device = policy, critic, model, device
-        self.config, self.model_config, self.discount = config, model_config, discount
+        self.config, self.model_config, self.discount_at = config, model_config, discount_at
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
         groups = policy.parameter_groups()
         actor = Learner(policy, [Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
@@ -74,21 +79,28 @@ class Agent:
         self.imagination = streams.torch("imagination", device)
         self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
         self.networks = Networks(actor, critics, self.first_policy)
-        self.returns = RunningReturn(1, discount)
+        self.returns = RunningReturn(1, discount_at(1.0))
         self._update = compiled(update) if compiles else update
         self._td_target = compiled(td_target) if compiles else td_target
-        self._update_model = compiled(update_model) if compiles else update_model
+        self.update_model = compiled(update_model) if compiles else update_model
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded = False
+        self.keeper = keeper
+        self.return_steps, self.noise_memory = return_steps, noise_memory
+        self._noise: Tensor | None = None
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0, 0.0)
 
     @torch.no_grad()
     def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Choose actions `(1, act_dim)`: noise alone at first, then the policy's with noise."""
-        noise = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
+        drawn = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
+        memory, fresh = self.noise_memory, self._noise is None
+        noise = self._noise = drawn if fresh else memory * self._noise + math.sqrt(1 - memory**2) * drawn
         if self._warming_up:
             return noise.clamp(-1.0, 1.0).cpu().numpy()
+        if self.keeper is not None and self.keeper.acts:
+            return self.keeper.policy.act(observation).clip(-1.0, 1.0)
         mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
         return (mean + self.noise * noise).clamp(-1.0, 1.0).cpu().numpy()
 
@@ -96,6 +108,9 @@ class Agent:
         """Remember a step of the one environment."""
         self.buffer.add_step(observation, action, step)
         self.returns.add(step.reward, step.done)
+        if self.keeper is not None and not self._warming_up:
+            self.keeper.add(float(step.reward[0]), done=bool(step.done[0]))
+        self._noise = None if step.done[0] else self._noise
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
         # To the end of an episode, but not for ever if episodes do not end.
         past = self.buffer.added / max(self.config.random_steps, 1)
@@ -117,7 +132,8 @@ class Agent:
             return
         if self.buffer.added % self.model_config.every == 0 and self.needs_model:
             self._fit()
-        batch = self.buffer.split(self._batches())
+        rows = self._batches()
+        batch, discount = self.buffer.split(rows[..., :-1]), rows[..., -1]
         if self.fitted and self.unrewarded:  # learn from what is new
             batch = batch._replace(reward=novelty(self.model, batch))
         target = self._td_target(
@@ -126,7 +142,7 @@ class Agent:
             batch,
             self._target_noise(batch),
             reward_scale=torch.tensor(self.reward_scale, device=self.device),
-            discount=self.discount,
+            discount=discount,
             members=self._drawn_critics(),
         )
         self._descend(batch, target)
@@ -170,6 +186,7 @@ class Agent:
     def set_progress(self, progress: float, step_progress: float) -> None:
         """Freeze, unfreeze and calm down for a run that has used these shares of its budget and of its steps."""
         self._progress, config = progress, self.config
+        self.discount = self.discount_at(progress)
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -195,6 +212,7 @@ class Agent:
             "rewarded": self._rewarded,
             "losses": self.losses,
             "returns": self.returns.state(),
+            **({} if self.keeper is None else {"keeper": self.keeper.state()}),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -208,23 +226,26 @@ class Agent:
         self.buffer.restore(state["buffer"])
         self._warming_up = state["warming_up"]
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
+        if self.keeper is not None:
+            self.keeper.restore(state["keeper"])
         if "returns" in state:
             self.returns.restore(state["returns"])
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
 
     def _fit(self) -> None:
-        loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self._update_model)
+        loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self.update_model)
         self.losses["model"] = torch.tensor(loss)
 
     def _batches(self) -> Tensor:
-        """Draw rows `(updates_per_step, batch_size, width)`, the model's share of them imagined."""
+        """Draw rows `(updates_per_step, batch_size, width + 1)` with their discounts, the model's share of them imagined."""
         config = self.config
         count, size = config.updates_per_step, config.batch_size
         imagined = round(config.model_share * count * size) if self.fitted else 0
         if not imagined:
-            return self.buffer.sample((count, size), self.batches)
+            return self.buffer.sample_returns((count, size), self.batches, self.return_steps, self.discount)
         rows = imagine(imagined, self.policy, self.model, self.buffer, config, self.imagination, noise=self.noise)
-        mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches), rows))
+        real = self.buffer.sample_returns((count * size - imagined,), self.batches, self.return_steps, self.discount)
+        mixed = torch.cat((real, torch.cat((rows, torch.full_like(rows[:, :1], self.discount)), -1)))
         if config.mix_batches:
             mixed = mixed[torch.randperm(count * size, generator=self.batches, device=self.device)]
         return mixed.view(count, size, -1)

@@ -30,12 +30,12 @@ def td_target(
     noise: Tensor | None,
     *,
     reward_scale: float | Tensor,
-    discount: float,
+    discount: float | Tensor,
     members: Tensor | None = None,
 ) -> Tensor:
     """Add the scaled reward and the discounted least value of the members at the policy's next action, both of target networks.
 
-    The batch is `(K, B, ...)` and the result `(K, B)`; `members` `(K, M)` are those asked for each of the K, or None for all.
+    The batch is `(K, B, ...)`, the result and a `discount` of its own for each row `(K, B)`; `members` `(K, M)` are those asked for each of the K, or None for all.
 
     Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
     equations 10 and 14, and the random subset of Chen et al. 2021, equation 1. Only terminations cut the bootstrap; time-outs

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -12,6 +14,7 @@ from torch import nn
 from transferkit.errors import DivergedError
 from transferkit.policy.critic_and_model import make_critic, make_dynamics
 from transferkit.trainers.dyna.agent import Agent
+from transferkit.trainers.dyna.keeper import Keeper
 from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
 from transferkit.trainers.dyna.replay import Batch
 
@@ -52,9 +55,14 @@ class DynaTrainer:
         self.overrun_steps = dyna.overrun_steps
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
-        discount = dyna.discount(spec.time_step)
-        networks = policy.to(device), critic.to(device), model.to(device)
-        self.agent = Agent(*networks, dyna, config.model, streams, device, discount=discount, compiles=compiles)
+        discount, memory = partial(dyna.discount, spec.time_step), dyna.noise_memory(spec.time_step)
+        self._kept = {"policy": policy.to(device), "critic": critic.to(device), "dynamics": model.to(device)}
+        live, keeper = self._kept, None
+        if dyna.assess_every:
+            live = copy.deepcopy(self._kept)
+            keeper = Keeper(live, copy.deepcopy(self._kept), self._kept, dyna.assess_every)
+        options = {"discount_at": discount, "return_steps": dyna.return_steps(spec.time_step), "noise_memory": memory, "compiles": compiles, "keeper": keeper}
+        self.agent = Agent(*live.values(), dyna, config.model, streams, device, **options)
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))
@@ -70,6 +78,8 @@ class DynaTrainer:
         if session.spent.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
+        if agent.keeper is not None and (session.progress >= 1 or session.spent.steps % LOG_EVERY == 0):
+            agent.keeper.follow()
         if session.spent.steps % LOG_EVERY:
             return step.observation, None
         self._check_values(session)
@@ -85,8 +95,8 @@ class DynaTrainer:
 
     def trained(self) -> dict[str, nn.Module]:
         """Return the critics, and the model if it was fitted."""
-        agent = self.agent
-        return {"critic": agent.critic, **({"dynamics": agent.model} if agent.fitted else {})}
+        kept = self._kept
+        return {"critic": kept["critic"], **({"dynamics": kept["dynamics"]} if self.agent.fitted else {})}
 
     def _check_values(self, session: Session) -> None:
         value = abs(self.agent.metrics().get("value", 0.0))
