@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from types import ModuleType
 from typing import Protocol
 
@@ -35,7 +36,9 @@ def main(size: Size) -> None:
         size.rounds,
     )
     if mbrl:
-        calls = {"transferkit": rollout(compiles=size.compiles), "mbrl-lib": peer_rollout(mbrl)}
+        calls = {"transferkit, one member a rollout": rollout(compiles=size.compiles, keep_share=1.0)}
+        calls["transferkit, two, and the fifth on which they differ most dropped"] = rollout(compiles=size.compiles, keep_share=0.8)
+        calls["mbrl-lib, one member a rollout"] = peer_rollout(mbrl)
         compare(f"{ROLLOUTS} imagined steps (must be 1.0)", calls, size.rounds)
 
 
@@ -45,9 +48,9 @@ def model_update(*, compiles: bool) -> Call:
     batch = ours.buffer.split(ours.buffer.sample((MODEL_MEMBERS, MODEL_BATCH), ours.batches))
 
     target = ours.model.targets(batch.observation, batch.reward, batch.next_observation)
-    learner = ours.model_learner
-    update = ours.update_model
-    return lambda: update(learner, batch, target, learner.optimizer.rates(1)[0], dynamics_loss)
+    learner, update = ours.model_learner, ours.update_model
+    rates = learner.optimizer.rates(1)[0]
+    return lambda: update(learner, batch, target, rates, dynamics_loss)
 
 
 def model_products() -> Call:
@@ -69,10 +72,11 @@ def model_products() -> Call:
     return update
 
 
-def rollout(*, compiles: bool) -> Call:
-    """One imagined step from `ROLLOUTS` replayed observations, all members asked, the least agreed fifth dropped."""
-    ours = agent(layer_norm=False)
-    return lambda: imagine(ROLLOUTS, ours.policy, ours.model, ours.buffer, ours.config, ours.imagination)
+def rollout(*, compiles: bool, keep_share: float) -> Call:
+    """One imagined step from replayed observations, of which `ROLLOUTS` are kept: with a share below 1 two members are asked."""
+    ours = agent(layer_norm=False, compiles=compiles)
+    config, networks = replace(ours.config, keep_share=keep_share), (ours.policy, ours.model, ours.buffer)
+    return lambda: imagine(ROLLOUTS, *networks, config, ours.imagination, members=MODEL_MEMBERS, step=ours.imagined_step)
 
 
 class PeerNetwork(Protocol):

@@ -83,7 +83,10 @@ class Dynamics(nn.Module):
 
     @torch.no_grad()
     def predict(self, observation: Tensor, action: Tensor) -> Prediction:
-        """Predict with all members for `(B, obs_dim)`, `(B, act_dim)`; sines and cosines are put back on the circle."""
+        """Predict with all members for `(B, obs_dim)`, `(B, act_dim)`, or `(E, B, ...)` for rows of its own each.
+
+        Sines and cosines are put back on the circle.
+        """
         mean, _, logit = self._outputs(observation, action)
         change = mean * self.std + self.mean
         following = self._kept * observation + change[..., :-1]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -49,15 +50,15 @@ class PartAdam:
         They are Adam's learning rate, `lr` if it is given in place of the groups', over its first bias correction, and one over
         the root of its second.
         """
-        rates = torch.zeros(n, len(self.parts), 2, dtype=torch.float64)
+        rates = np.zeros((n, len(self.parts), 2))
         for k in self.learning:
             part, first = self.parts[k], self._steps[k] + 1
             base = self.param_groups[k]["lr"] if lr is None else lr
             size = base * part.lr_scale if part.lr is None else part.lr
-            steps = torch.arange(first, first + n, dtype=torch.float64)
-            rates[:, k, 0], rates[:, k, 1] = size / (1 - BETAS[0] ** steps), (1 - BETAS[1] ** steps).rsqrt()
+            steps = np.arange(first, first + n)
+            rates[:, k, 0], rates[:, k, 1] = size / (1 - BETAS[0] ** steps), (1 - BETAS[1] ** steps) ** -0.5
             self._steps[k] += n
-        return rates.to(self.flat[0].device, torch.float32)
+        return torch.from_numpy(rates.astype(np.float32)).to(self.flat[0].device)
 
     @torch.no_grad()
     def apply(self, grads: Sequence[Tensor], rates: Tensor, lr: Tensor | float = 1.0) -> None:

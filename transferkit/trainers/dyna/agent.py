@@ -16,7 +16,7 @@ from transferkit.nn import Learner, Part, PartAdam, flatten
 from transferkit.nn.compiled import compiled
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
 from transferkit.trainers.dyna.fit import fit, update_model
-from transferkit.trainers.dyna.imagine import imagine, novelty
+from transferkit.trainers.dyna.imagine import imagine, imagined_step, novelty
 from transferkit.trainers.dyna.losses import td_target
 from transferkit.trainers.dyna.replay import ReplayBuffer
 from transferkit.trainers.dyna.updates import Minibatches, Networks, update
@@ -83,6 +83,7 @@ class Agent:
         self._update = compiled(update) if compiles else update
         self._td_target = compiled(td_target) if compiles else td_target
         self.update_model = compiled(update_model) if compiles else update_model
+        self.imagined_step = compiled(imagined_step) if compiles else imagined_step
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded = False
         self.keeper = keeper
@@ -243,7 +244,8 @@ class Agent:
         imagined = round(config.model_share * count * size) if self.fitted else 0
         if not imagined:
             return self.buffer.sample_returns((count, size), self.batches, self.return_steps, self.discount)
-        rows = imagine(imagined, self.policy, self.model, self.buffer, config, self.imagination, noise=self.noise)
+        made_of = self.policy, self.model, self.buffer, config, self.imagination
+        rows = imagine(imagined, *made_of, members=self.model_config.members, noise=self.noise, step=self.imagined_step)
         real = self.buffer.sample_returns((count * size - imagined,), self.batches, self.return_steps, self.discount)
         mixed = torch.cat((real, torch.cat((rows, torch.full_like(rows[:, :1], self.discount)), -1)))
         if config.mix_batches:

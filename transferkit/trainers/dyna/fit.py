@@ -59,7 +59,7 @@ def fit(
     held_out = _held_out(len(buffer), config, data.reward.device)
     training = torch.nonzero(~held_out).squeeze(-1)
     checking = torch.nonzero(held_out).squeeze(-1)[-HOLDOUT_ROWS:]
-    best, loss = float("inf"), torch.zeros(())
+    best, loss, rates = float("inf"), torch.zeros(()), torch.zeros(())
     for k in range(config.updates):
         if len(checking) and k % CHECK_EVERY == 0:
             held = _rows(data, checking.expand(config.members, -1))
@@ -68,10 +68,12 @@ def fit(
             if current > best - MIN_GAIN * abs(best) and k:
                 break
             best = current
+        if k % CHECK_EVERY == 0:
+            rates = learner.optimizer.rates(min(CHECK_EVERY, config.updates - k))
         shape = config.members, config.batch_size
         rows = training[torch.randint(len(training), shape, generator=generator, device=training.device)]
         batch = _rows(data, rows)
-        loss = update(learner, batch, _targets(model, batch), learner.optimizer.rates(1)[0], loss_of)
+        loss = update(learner, batch, _targets(model, batch), rates[k % CHECK_EVERY], loss_of)
     return float(loss)
 
 

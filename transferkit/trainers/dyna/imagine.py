@@ -3,18 +3,45 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor
 
+from transferkit.nn import Prediction
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
     from transferkit.config import DynaConfig
-    from transferkit.nn import Dynamics, Prediction
+    from transferkit.nn import Dynamics
     from transferkit.policy.base import Policy
     from transferkit.trainers.dyna.replay import ReplayBuffer
+
+
+@torch.no_grad()
+def imagined_step(
+    policy: Policy, model: Dynamics, replayed: Batch, noise: Tensor, config: DynaConfig, members: int
+) -> tuple[Batch, Tensor]:
+    """Predict a step of rollouts that are at the replayed observations, `(B, ...)`, of which every member has as many.
+
+    `noise` `(B, act_dim)` is added to the policy's actions. If not all rollouts are kept a second member is asked about each: whether
+    the episode ends is both members' vote, and the second result is how far they differ, `(B,)`.
+    """
+    action = replayed.action
+    if config.planned_action == "policy":
+        action = (policy(replayed.observation)[0] + noise).clamp(-1.0, 1.0)
+    own = [tensor.view(members, -1, tensor.shape[-1]) for tensor in (replayed.observation, action)]
+    alone = members == 1 or config.keep_share == 1
+    asked = own if alone else [torch.cat((tensor, tensor.roll(1, 0)), 1) for tensor in own]
+    prediction, rows = model.predict(*asked), own[0].shape[1]
+    first = Prediction(*(tensor[:, :rows].flatten(0, 1) for tensor in prediction))
+    second = first if alone else Prediction(*(tensor[:, rows:].roll(-1, 0).flatten(0, 1) for tensor in prediction))
+    learnt = config.planned_reward == "learned"
+    reward = first.reward if learnt else -torch.linalg.vector_norm(first.next_observation, dim=-1)
+    ends = (first.terminated + second.terminated > 1.0).float() * config.planned_termination
+    difference = (first.next_observation - second.next_observation).abs() / model.std[:-1]
+    return Batch(replayed.observation, action, reward, first.next_observation, ends), difference.mean(-1)
 
 
 @torch.no_grad()
@@ -26,24 +53,28 @@ def imagine(
     config: DynaConfig,
     generator: torch.Generator,
     *,
+    members: int,
     noise: float = 0.0,
+    step: Callable[..., tuple[Batch, Tensor]] = imagined_step,
 ) -> Tensor:
     """Imagine `n` transitions, as rows of the replay buffer `(n, width)` in random order; `noise` is the actions' deviation.
 
-    Every step takes one member at random for each rollout, drops the share of them on which the members disagree most, and
-    starts those that ended anew.
+    Every step takes one of the model's `members` at random for each rollout, drops the share of them on which another member
+    differs most, and starts those that ended anew. `step` is `imagined_step`, compiled or not.
     """
     each = math.ceil(n / config.horizon)
-    size = math.ceil(each / config.keep_share)
-    observation, rows = None, []
+    size = members * math.ceil(each / config.keep_share / members)
+    observation: Tensor | None = None
+    ended, rows = torch.zeros(()), []
     for _ in range(config.horizon):
-        replayed = buffer.split(buffer.sample((size,), generator))
-        observation = replayed.observation if observation is None else observation
-        action = replayed.action if config.planned_action == "replayed" else _act(policy, observation, noise, generator)
-        prediction = model.predict(observation, action)
-        batch = _choose(observation, action, prediction, config, generator)
-        rows.append(batch.rows()[_agreed(prediction, model, each)])
-        observation = torch.where(batch.terminated.unsqueeze(-1) > 0, replayed.observation, batch.next_observation)
+        start = buffer.split(buffer.sample((size,), generator))
+        if observation is not None:
+            order = torch.randperm(size, generator=generator, device=generator.device)
+            start = start._replace(observation=torch.where(ended, start.observation, observation)[order])
+        draws = noise * torch.randn(size, buffer.act_dim, generator=generator, device=generator.device)
+        batch, lacking = step(policy, model, start, draws, config, members)
+        rows.append(batch.rows()[lacking.topk(each, largest=False, sorted=False).indices])
+        observation, ended = batch.next_observation, batch.terminated.unsqueeze(-1) > 0
     imagined = torch.cat(rows)
     return imagined[torch.randperm(len(imagined), generator=generator, device=imagined.device)[:n]]
 
@@ -53,32 +84,6 @@ def novelty(model: Dynamics, batch: Batch) -> Tensor:
     """Measure how little the model knows of each transition `(...)`, from 0 to 1, 0.5 at the batch's mean disagreement."""
     lacking = disagreement(model.predict(batch.observation.flatten(0, -2), batch.action.flatten(0, -2)), model)
     return (lacking / (lacking + lacking.mean())).view_as(batch.reward)
-
-
-def _act(policy: Policy, observation: Tensor, noise: float, generator: torch.Generator) -> Tensor:
-    mean = policy(observation)[0]
-    return (mean + noise * torch.randn(mean.shape, generator=generator, device=mean.device)).clamp(-1.0, 1.0)
-
-
-def _choose(
-    observation: Tensor, action: Tensor, prediction: Prediction, config: DynaConfig, generator: torch.Generator
-) -> Batch:
-    """Take one member's next observation and reward for each row, and all members' vote on termination."""
-    members, size = prediction.reward.shape
-    member = torch.randint(members, (size,), generator=generator, device=observation.device)
-    row = torch.arange(size, device=observation.device)
-    following = prediction.next_observation[member, row]
-    learnt = config.planned_reward == "learned"
-    reward = prediction.reward[member, row] if learnt else -torch.linalg.vector_norm(following, dim=-1)
-    terminated = (prediction.terminated.mean(0) > 0.5).float()
-    return Batch(observation, action, reward, following, terminated if config.planned_termination else terminated * 0.0)
-
-
-def _agreed(prediction: Prediction, model: Dynamics, count: int) -> Tensor:
-    """Find the `count` rows on which the members agree best, in units of the targets' deviation."""
-    if len(prediction.next_observation) == 1:
-        return torch.arange(count, device=prediction.reward.device)
-    return disagreement(prediction, model).topk(count, largest=False, sorted=False).indices
 
 
 def disagreement(prediction: Prediction, model: Dynamics) -> Tensor:
