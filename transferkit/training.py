@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, check_read, preset_family, with_settings
@@ -75,6 +75,7 @@ def train(
     out: str | Path | None = None,
     resume: bool = False,
     device: str = "cpu",
+    compile: Literal["auto", "on", "off"] = "auto",  # noqa: A002 - the setting's name
     eval_episodes: int = 20,
     eval_every: int = 0,
     stop_at: float | None = None,
@@ -93,6 +94,7 @@ def train(
         out: the run directory; by default under `runs/`.
         resume: go on where the directory stopped, or, if that is finished, with a budget that is larger than what it has spent.
         device: of the networks.
+        compile: whether a C++ compiler makes the updates faster; `auto` if the budget pays for it.
         eval_episodes: episodes of an evaluation.
         eval_every: environment steps between evaluations during training; 0 for only one at the end.
         stop_at: mean return of an evaluation, after the first one, that ends training before the budget does.
@@ -112,6 +114,7 @@ def train(
         preset=preset,
         seed=seed,
         device=device,
+        compile=compile,
         **asdict(budget),
         eval_episodes=eval_episodes,
         eval_every=eval_every,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import os
 import platform
 import shlex
+import shutil
 import subprocess
 import sys
 from importlib import metadata
@@ -59,3 +61,8 @@ def _version(name: str) -> str:
         return metadata.version(name) or NOT_INSTALLED  # None of what is half removed
     except metadata.PackageNotFoundError:
         return NOT_INSTALLED
+
+
+def cpp_compiler() -> str | None:
+    """Find the C++ compiler that torch compiles updates with: `CXX`, or g++."""
+    return shutil.which(os.environ.get("CXX", "g++"))

@@ -37,7 +37,9 @@ def main(size: Size) -> None:
     )
     if mbrl:
         calls = {"transferkit, one member a rollout": rollout(compiles=size.compiles, keep_share=1.0)}
-        calls["transferkit, two, and the fifth on which they differ most dropped"] = rollout(compiles=size.compiles, keep_share=0.8)
+        calls["transferkit, two, and the fifth on which they differ most dropped"] = rollout(
+            compiles=size.compiles, keep_share=0.8
+        )
         calls["mbrl-lib, one member a rollout"] = peer_rollout(mbrl)
         compare(f"{ROLLOUTS} imagined steps (must be 1.0)", calls, size.rounds)
 

@@ -66,7 +66,9 @@ def _td3(library: ModuleType, env: str, width: int, batch: int, updates: int, **
     return library.TD3("MlpPolicy", gymnasium.make(env), **options, policy_kwargs=layers)
 
 
-def ppo_steps(library: ModuleType, env: str, num_envs: int, rollout: int, epochs: int, batch: int, width: int, steps: int) -> Call:
+def ppo_steps(
+    library: ModuleType, env: str, num_envs: int, rollout: int, epochs: int, batch: int, width: int, steps: int
+) -> Call:
     """Environment steps of a library's PPO."""
     arch: Any = [width, width] if library.__name__ == "sbx" else {"pi": [width, width], "vf": [width, width]}
     settings = {"n_steps": rollout // num_envs, "batch_size": batch, "n_epochs": epochs, "policy_kwargs": {"net_arch": arch}}

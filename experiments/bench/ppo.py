@@ -1,4 +1,4 @@
-"""PPO against stable-baselines3's at the same settings, and how long the package takes to start."""
+"""PPO against other libraries' at the same settings, and how long the package takes to start."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+import stable_baselines3
 import torch
-from stable_baselines3 import PPO
-from stable_baselines3.common.env_util import make_vec_env
 
+from experiments.bench import peers
 from experiments.bench.timing import seconds, spread
 from transferkit.config import TrainConfig, with_settings
 from transferkit.training import run_training
@@ -45,40 +45,51 @@ class Size:
     rounds: int
     rollouts: int
     starts: int
+    compiles: bool
 
 
-FULL, TINY = Size(rounds=15, rollouts=2, starts=7), Size(rounds=1, rollouts=1, starts=1)
+FULL, TINY = Size(rounds=15, rollouts=2, starts=7, compiles=True), Size(rounds=1, rollouts=1, starts=1, compiles=False)
 
 
 def main(size: Size) -> None:
     """Measure in alternation and print."""
     torch.set_num_threads(1)
     steps = size.rollouts * ROLLOUT
+    like = (ENV, NUM_ENVS, ROLLOUT, EPOCHS, BATCH, HIDDEN[0], steps)
+    calls = {
+        "transferkit, compiled": partial(ours, steps, compiles=size.compiles),
+        "transferkit, eager": partial(ours, steps, compiles=False),
+        "stable-baselines3 (must be 1.5)": partial(steps_per_second, peers.ppo_steps(stable_baselines3, *like), steps),
+        "rsl_rl's own (must be 1.3)": partial(steps_per_second, peers.rsl_rl_steps(*like), steps),
+    }
+    if sbx := peers.optional("sbx"):
+        calls["SBX (must be 1.05)"] = partial(steps_per_second, peers.ppo_steps(sbx, *like), steps)
     if size is FULL:
-        ours(steps)  # to warm up
-        stable_baselines3(steps)
-    pairs = [(ours(steps), stable_baselines3(steps)) for _ in range(size.rounds)]
+        for call in calls.values():  # to warm up
+            call()
+    rounds = [{name: call() for name, call in calls.items()} for _ in range(size.rounds)]
     print(f"PPO on {ENV}, {NUM_ENVS} envs, {ROLLOUT} steps a rollout, {EPOCHS} epochs of {BATCH}, {HIDDEN}, one thread")
-    print("  env steps per second, transferkit | stable-baselines3: " + ", ".join(f"{a:.0f} | {b:.0f}" for a, b in pairs))
-    print(f"  ratio: {spread(a / b for a, b in pairs)} (must be 1.3)")
+    first = next(iter(calls))
+    for name in calls:
+        ratios = spread(one[first] / one[name] for one in rounds)
+        print(
+            f"  {name}: {statistics.median(one[name] for one in rounds):.0f} env steps per second; ours is {ratios} times as fast"
+        )
     for name, arguments in COMMANDS.items():
         times = [seconds(partial(start, *arguments)) for _ in range(size.starts)]
         print(f"  {name}: {statistics.median(times):.3f} s, {min(times):.3f} to {max(times):.3f}")
 
 
-def ours(steps: int) -> float:
+def ours(steps: int, *, compiles: bool) -> float:
     """Environment steps per second of transferkit's PPO."""
-    config = TrainConfig(ENV, steps=steps, eval_episodes=1, checkpoint_seconds=1e9)
+    config = TrainConfig(ENV, steps=steps, eval_episodes=1, checkpoint_seconds=1e9, compile="on" if compiles else "off")
     with tempfile.TemporaryDirectory() as folder:
         return steps / run_training(with_settings(config, LIKE_THE_PEER), out=Path(folder) / "run").seconds
 
 
-def stable_baselines3(steps: int) -> float:
-    """Environment steps per second of stable-baselines3's PPO at the same settings."""
-    layers = {"net_arch": {"pi": list(HIDDEN), "vf": list(HIDDEN)}}
-    envs, share = make_vec_env(ENV, NUM_ENVS), ROLLOUT // NUM_ENVS
-    model = PPO("MlpPolicy", envs, n_steps=share, batch_size=BATCH, n_epochs=EPOCHS, policy_kwargs=layers, device="cpu")
-    return steps / seconds(lambda: model.learn(steps))
+def steps_per_second(call: peers.Call, steps: int) -> float:
+    """Environment steps per second of a peer."""
+    return steps / seconds(call)
 
 
 def start(*arguments: str) -> None:

@@ -14,7 +14,7 @@ from transferkit.attempt import attempt
 from transferkit.cli.answer import Answer, parser
 from transferkit.renderer import find_renderer
 from transferkit.table import format_table
-from transferkit.versions import NOT_INSTALLED, git_state, versions
+from transferkit.versions import NOT_INSTALLED, cpp_compiler, git_state, versions
 
 MODULES = {
     "numpy": "numpy",
@@ -28,6 +28,9 @@ MODULES = {
     "rsl_rl.algorithms": "rsl-rl-lib",
 }
 """What is imported, each after what it imports itself, and the package that it belongs to."""
+
+ROWS = (("rendering", "rendering"), ("CUDA", "cuda"), ("cores", "cores"), ("compiler", "compiler"), ("git", "git"))
+"""Lines below the versions, and their keys in the JSON."""
 
 IMPORT = """
 import importlib, sys
@@ -48,7 +51,7 @@ def main(arguments: Sequence[str]) -> Answer:
     text = "\n".join(
         (
             format_table(("package", "version"), list(report["versions"].items())),
-            f"\nrendering: {report['rendering']}\nCUDA: {report['cuda']}\ncores: {report['cores']}\ngit: {report['git']}",
+            "\n" + "\n".join(f"{name}: {report[key]}" for name, key in ROWS),
             "\n".join(f"mend: {problem}" for problem in report["problems"]) or "\nnothing to mend",
         )
     )
@@ -69,6 +72,7 @@ def examine() -> dict[str, Any]:
         "rendering": _rendering(),
         "cuda": cuda,
         "cores": f"{os.cpu_count()}, of which a training run uses one (one torch thread a process)",
+        "compiler": cpp_compiler() or "no C++ compiler; updates are not compiled, which would be faster: apt-get install g++",
         "git": git_state() or ("not a checkout" if shutil.which("git") else "no git binary; runs record no commit"),
         "problems": problems,
     }

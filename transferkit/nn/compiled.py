@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import ParamSpec, TypeVar
@@ -16,11 +15,6 @@ R = TypeVar("R")
 
 OPTIONS = {"cpp_wrapper": True}
 """Call the kernels from C++: half the time to start from the disk cache, and less between kernels."""
-
-
-def cpp_compiler() -> str | None:
-    """Find the C++ compiler that torch uses: `CXX`, or g++."""
-    return shutil.which(os.environ.get("CXX", "g++"))
 
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:

@@ -37,7 +37,9 @@ def make_critic(
     `wrapped` takes the core's own in a sandwich, if it has as many.
     """
     width = policy.obs_dim + policy.act_dim
-    new = Ensemble(EnsembleArchitecture(config.critics, width, 1, tuple(hidden), config.layer_norm, config.unit_norm), generator)
+    new = Ensemble(
+        EnsembleArchitecture(config.critics, width, 1, tuple(hidden), config.layer_norm, config.unit_norm), generator
+    )
     origin = _origin(policy, "critic", config.critics) if wrapped else None
     if origin is None:
         return Critic(JointInput(policy.normalizer), new)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from transferkit.envs import NO_LIMIT
 from transferkit.errors import ConfigError
-from transferkit.nn.compiled import cpp_compiler
+from transferkit.versions import cpp_compiler
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
@@ -32,7 +32,9 @@ def is_compiled(config: TrainConfig, episode_limit: int | None, recorded: bool |
             f"{{compile={config.compile}}} differs from the run's record, whose updates are {'' if recorded else 'not '}compiled",
             remedy="leave {compile} out, or train into another {out}",
         )
-    wanted = recorded or config.compile == "on" or (recorded is None and config.compile == "auto" and _pays(config, episode_limit))
+    wanted = (
+        recorded or config.compile == "on" or (recorded is None and config.compile == "auto" and _pays(config, episode_limit))
+    )
     if not wanted or cpp_compiler():
         return bool(wanted)
     if recorded or config.compile == "on":
@@ -45,4 +47,11 @@ def _pays(config: TrainConfig, episode_limit: int | None) -> bool:
     """Whether the budget has room for enough updates."""
     by_episodes = (config.episodes or 0) * (episode_limit or NO_LIMIT)
     steps = min(limit for limit in (config.steps, by_episodes, (config.seconds or 0) * STEPS_PER_SECOND) if limit)
-    return config.algo == "dyna-ddpg" and steps * config.dyna.updates_per_step >= LEAST_UPDATES
+    return steps * _updates_per_step(config) >= LEAST_UPDATES
+
+
+def _updates_per_step(config: TrainConfig) -> float:
+    """About how many updates follow an environment step."""
+    ppo, imagined = config.ppo.epochs / config.ppo.batch_size, config.dyna_ppo
+    of_imagined = imagined.updates * imagined.rollouts * imagined.horizon / config.model.every
+    return {"ppo": ppo, "dyna-ppo": ppo * of_imagined, "dyna-ddpg": config.dyna.updates_per_step}[config.algo]

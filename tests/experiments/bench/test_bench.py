@@ -6,8 +6,9 @@ from experiments.bench.__main__ import BENCHES, main
 @pytest.mark.parametrize(
     ("name", "words"),
     [
-        ("ppo", ("env steps per second", "(must be 1.3)", "transferkit zoo list")),
-        ("dyna", ("stable-baselines3 TD3", "an update of an ensemble", "matrix products alone")),
+        ("ppo", ("env steps per second", "rsl_rl's own (must be 1.3)", "transferkit zoo list")),
+        ("dyna", ("stable-baselines3 TD3", "environment steps with the same updates", "matrix products alone")),
+        ("model", ("an update of an ensemble", "matrix products alone")),
         ("record", ("Hopper-v5: recording takes", "KB per 1,000 steps")),
         ("probe", ("deriving the spec of 2 environments", "median")),
         ("report", ("report of 20 runs",)),

@@ -38,7 +38,9 @@ def test_compiled_and_eager_updates_differ_by_rounding_alone(pendulum_spec, untr
     def policy():
         if with_core:
             return wrap(untrained_core, "InvertedPendulum-v5", freeze={"core": 0.3})
-        return ScratchPolicy.create(Architecture(4, 1, (16, 16), "relu"), Streams(0).torch("policy"), init_std=1.0, normalize=True)
+        return ScratchPolicy.create(
+            Architecture(4, 1, (16, 16), "relu"), Streams(0).torch("policy"), init_std=1.0, normalize=True
+        )
 
     eager, compiled = (learnt(policy(), pendulum_spec, compiles=compiles, thaw=with_core) for compiles in (False, True))
     for name, value in eager.items():

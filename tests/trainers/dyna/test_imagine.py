@@ -49,7 +49,9 @@ def test_imagined_rows_on_which_members_disagree_are_dropped():
     buffer, config = ReplayBuffer(1, 1, 100), DynaConfig(keep_share=0.4, planned_action="replayed")
     for value in (-1.0, 1.0):
         buffer.add(only(transition(value, 0.0, 0.0, 0.0, 0.0)))
-    rows = imagine(40, torch.nn.Identity(), Dynamics(JointInput(None), Split(), 1), buffer, config, Streams(0).torch("x"), members=2)
+    rows = imagine(
+        40, torch.nn.Identity(), Dynamics(JointInput(None), Split(), 1), buffer, config, Streams(0).torch("x"), members=2
+    )
     assert len(rows) == 40
     assert (buffer.split(rows).observation == -1).all()
 

@@ -41,7 +41,9 @@ def test_critic_and_actor_loss():
     assert actor_loss(Half(), Twice(), observation, squash=True).item() == pytest.approx(-4.5)
     # at first the actions were 0.25 and 0.5: squared distances 1/16 and 1/4
     first = lambda x: (Half()(x)[0] / 2, None)  # noqa: E731
-    assert actor_loss(Half(), Twice(), observation, first, 2.0, squash=True).item() == pytest.approx(-1.0 + 2 * (1 / 16 + 1 / 4) / 2)
+    assert actor_loss(Half(), Twice(), observation, first, 2.0, squash=True).item() == pytest.approx(
+        -1.0 + 2 * (1 / 16 + 1 / 4) / 2
+    )
 
 
 def test_gradients_are_inverted_at_the_bounds():

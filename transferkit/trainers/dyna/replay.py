@@ -76,7 +76,10 @@ class ReplayBuffer:
 
     def _join(self, at: Tensor) -> None:
         """Note which of these rows are followed by the next step of the same episode."""
-        newest, (row, following) = (self.added - 1) % self.capacity, (self.split(self._rows[k]) for k in (at, (at + 1) % len(self._rows)))
+        newest, (row, following) = (
+            (self.added - 1) % self.capacity,
+            (self.split(self._rows[k]) for k in (at, (at + 1) % len(self._rows))),
+        )
         joined = (row.next_observation == following.observation).all(-1) & (row.terminated == 0)
         self._continues[at] = joined & (at % len(self._rows) != newest)
 

@@ -61,7 +61,13 @@ class DynaTrainer:
         if dyna.assess_every:
             live = copy.deepcopy(self._kept)
             keeper = Keeper(live, copy.deepcopy(self._kept), self._kept, dyna.assess_every)
-        options = {"discount_at": discount, "return_steps": dyna.return_steps(spec.time_step), "noise_memory": memory, "compiles": compiles, "keeper": keeper}
+        options = {
+            "discount_at": discount,
+            "return_steps": dyna.return_steps(spec.time_step),
+            "noise_memory": memory,
+            "compiles": compiles,
+            "keeper": keeper,
+        }
         self.agent = Agent(*live.values(), dyna, config.model, streams, device, **options)
         self._taken_up = True
         if prior is not None:
