@@ -91,7 +91,7 @@ class Job:
         env = self.make_env()
         limit = episode_limit(env)
         env.close()
-        return is_compiled(self.config, limit, recorded)
+        return is_compiled(self.config, limit, recorded=recorded)
 
     def open(self, ledger: Ledger, *, compiled: bool, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
         """Start the run's directory, or take it up with its last checkpoint if its record is the same.

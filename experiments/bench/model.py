@@ -75,7 +75,7 @@ def model_products() -> Call:
 
 
 def rollout(*, compiles: bool, keep_share: float) -> Call:
-    """One imagined step from replayed observations, of which `ROLLOUTS` are kept: with a share below 1 two members are asked."""
+    """One imagined step, of which `ROLLOUTS` are kept; with a share below 1 two members are asked."""
     ours = agent(layer_norm=False, compiles=compiles)
     config, networks = replace(ours.config, keep_share=keep_share), (ours.policy, ours.model, ours.buffer)
     return lambda: imagine(ROLLOUTS, *networks, config, ours.imagination, members=MODEL_MEMBERS, step=ours.imagined_step)

@@ -1,7 +1,7 @@
 """Other libraries' learners at our settings, each as a call that does a fixed amount of work.
 
-stable-baselines3 and rsl_rl are installed with the rest. SBX (`pip install -e ".[bench]"`) and mbrl-lib (`pip install --no-deps mbrl
-hydra-core omegaconf antlr4-python3-runtime==4.9.3`) are compared with if they are there.
+stable-baselines3 and rsl_rl are installed with the rest. SBX (`pip install -e ".[bench]"`) and mbrl-lib (`pip install --no-deps
+mbrl hydra-core omegaconf antlr4-python3-runtime==4.9.3`) are compared with if they are there.
 """
 
 from __future__ import annotations

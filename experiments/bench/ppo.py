@@ -72,9 +72,8 @@ def main(size: Size) -> None:
     first = next(iter(calls))
     for name in calls:
         ratios = spread(one[first] / one[name] for one in rounds)
-        print(
-            f"  {name}: {statistics.median(one[name] for one in rounds):.0f} env steps per second; ours is {ratios} times as fast"
-        )
+        speed = statistics.median(one[name] for one in rounds)
+        print(f"  {name}: {speed:.0f} env steps per second; the first is {ratios} times as fast")
     for name, arguments in COMMANDS.items():
         times = [seconds(partial(start, *arguments)) for _ in range(size.starts)]
         print(f"  {name}: {statistics.median(times):.3f} s, {min(times):.3f} to {max(times):.3f}")

@@ -13,23 +13,22 @@ from torch import Tensor
 P = ParamSpec("P")
 R = TypeVar("R")
 
-OPTIONS = {"cpp_wrapper": True}
-"""Call the kernels from C++: half the time to start from the disk cache, and less between kernels."""
-
 
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of tensors of fixed shapes, gradients and in-place steps included, when it is first called.
 
-    What was compiled is kept in the user's cache folder (`TORCHINDUCTOR_CACHE_DIR`).
+    The kernels are called from C++, which takes less time between them and to start. What was compiled is kept in the user's cache
+    folder (`TORCHINDUCTOR_CACHE_DIR`).
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "transferkit" / "torchinductor"
     os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache))
-    inner = torch.compile(function, fullgraph=True, dynamic=False, options=OPTIONS)
+    options: dict[str, str | int | bool | Callable[..., object]] = {"cpp_wrapper": True}
+    inner = torch.compile(function, fullgraph=True, dynamic=False, options=options)
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         import torch._dynamo  # noqa: PLC0415 - takes seconds, and most runs do without
 
-        with torch._dynamo.config.patch(trace_autograd_ops=True, capture_scalar_outputs=True):
+        with torch._dynamo.config.patch(trace_autograd_ops=True, capture_scalar_outputs=True):  # noqa: SLF001 - its documented name
             return inner(*args, **kwargs)
 
     return call
@@ -40,4 +39,4 @@ def mark_varying(tensors: Iterable[Tensor]) -> None:
     import torch._dynamo  # noqa: PLC0415
 
     for tensor in tensors:
-        torch._dynamo.mark_dynamic(tensor, 0)
+        torch._dynamo.mark_dynamic(tensor, 0)  # noqa: SLF001 - its documented name

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 from torch.func import functional_call
 
 from transferkit.nn.ensemble import EnsembleLinear
-from transferkit.nn.optimizer import Part, PartAdam
+from transferkit.nn.optimizer import PartAdam
+
+if TYPE_CHECKING:
+    from transferkit.nn.optimizer import Part
 
 
 class Learner:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from transferkit.config import TrainConfig
 
 LEAST_UPDATES = 30_000
-"""Updates that a run must have room for: compiling takes about 20 seconds once and 3 from the cache, and saves 1 to 2 ms each."""
+"""Updates that a run must have room for: compiling takes 20 seconds once, 4 from the cache, and saves 1 to 2 ms an update."""
 
 STEPS_PER_SECOND = 50
 """Environment steps that a budget in seconds is taken for."""
@@ -21,7 +21,7 @@ STEPS_PER_SECOND = 50
 REMEDY = "install g++, or name another compiler in CXX"
 
 
-def is_compiled(config: TrainConfig, episode_limit: int | None, recorded: bool | None = None) -> bool:
+def is_compiled(config: TrainConfig, episode_limit: int | None, *, recorded: bool | None = None) -> bool:
     """Decide it: as it was `recorded` if the run goes on, else as `config.compile` says.
 
     Raises:
@@ -29,7 +29,7 @@ def is_compiled(config: TrainConfig, episode_limit: int | None, recorded: bool |
     """
     if recorded is not None and config.compile not in ("auto", "on" if recorded else "off"):
         raise ConfigError(
-            f"{{compile={config.compile}}} differs from the run's record, whose updates are {'' if recorded else 'not '}compiled",
+            f"{{compile={config.compile}}} differs from the run's record: its updates are {'' if recorded else 'not '}compiled",
             remedy="leave {compile} out, or train into another {out}",
         )
     wanted = (

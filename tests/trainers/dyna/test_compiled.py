@@ -56,7 +56,7 @@ def test_a_compiled_run_goes_on_to_the_same_bits_and_its_record_says_so(tmp_path
     whole, cut = (load_state(tmp_path / name / "policy.safetensors")["weights"] for name in ("whole", "cut"))
     assert all(torch.equal(whole[key], cut[key]) for key in whole)
     assert read_record(tmp_path / "cut")["compiled"] is True
-    with pytest.raises(ConfigError, match="differs from the run's record, whose updates are compiled"):
+    with pytest.raises(ConfigError, match="differs from the run's record: its updates are compiled"):
         run_training(replace(config, compile="off", steps=200), out=tmp_path / "cut", resume=True)
 
 

@@ -25,8 +25,8 @@ def imagined_step(
 ) -> tuple[Batch, Tensor]:
     """Predict a step of rollouts that are at the replayed observations, `(B, ...)`, of which every member has as many.
 
-    `noise` `(B, act_dim)` is added to the policy's actions. If not all rollouts are kept a second member is asked about each: whether
-    the episode ends is both members' vote, and the second result is how far they differ, `(B,)`.
+    `noise` `(B, act_dim)` is added to the policy's actions. If not all rollouts are kept a second member is asked about each:
+    whether the episode ends is both members' vote, and the second result is how far they differ, `(B,)`.
     """
     action = replayed.action
     if config.planned_action == "policy":

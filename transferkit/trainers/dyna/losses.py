@@ -35,7 +35,8 @@ def td_target(
 ) -> Tensor:
     """Add the scaled reward and the discounted least value of the members at the policy's next action, both of target networks.
 
-    The batch is `(K, B, ...)`, the result and a `discount` of its own for each row `(K, B)`; `members` `(K, M)` are those asked for each of the K, or None for all.
+    The batch is `(K, B, ...)`, the result and a `discount` of its own for each row `(K, B)`; `members` `(K, M)` are those asked
+    for each of the K, or None for all.
 
     Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
     equations 10 and 14, and the random subset of Chen et al. 2021, equation 1. Only terminations cut the bootstrap; time-outs
@@ -68,8 +69,8 @@ def actor_loss(
 ) -> Tensor:
     """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value.
 
-    A policy that does not `squash` its mean is bounded here. With the policy as it was at `first`: in units of the mean absolute value, plus the weighted squared distance to what that
-    one did (Fujimoto & Gu 2021, equation 3).
+    A policy that does not `squash` its mean is bounded here. With the policy as it was at `first`: in units of the mean absolute
+    value, plus the weighted squared distance to what that one did (Fujimoto & Gu 2021, equation 3).
     """
     mean = policy(observation)[0]
     value = critic(observation, mean if squash else bounded(mean))
@@ -97,7 +98,7 @@ def bounded(action: Tensor) -> Tensor:
 def dynamics_loss(model: Model, batch: Batch, target: Tensor) -> Tensor:
     """Gaussian negative log-likelihood (Chua et al. 2018, equation 1) and cross-entropy of termination.
 
-    The batch has its own rows for each member, `(E, B, ...)`, as `target`, `(E, B, obs_dim + 1)`; the loss is summed over members.
+    The batch has its own rows for each member, `(E, B, ...)`, as has `target`, `(E, B, obs_dim + 1)`; the loss is their sum.
     """
     mean, log_var, logit = model(batch.observation, batch.action)
     likelihood = ((mean - target).square() * torch.exp(-log_var) + log_var).mean((-1, -2)).sum()

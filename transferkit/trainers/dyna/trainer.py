@@ -14,8 +14,8 @@ from torch import nn
 from transferkit.errors import DivergedError
 from transferkit.policy.critic_and_model import make_critic, make_dynamics
 from transferkit.trainers.dyna.agent import Agent
-from transferkit.trainers.dyna.keeper import Keeper
 from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
+from transferkit.trainers.dyna.keeper import Keeper
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:

@@ -71,7 +71,7 @@ def update_actor(networks: Networks, observation: Tensor, anchor: Tensor, rates:
         observation,
         networks.first_policy,
         anchor,
-        squash=actor.module.squash,
+        squash=bool(actor.module.squash),
     )
     actor.descend(loss, weights, rates)
     return loss.detach()

@@ -146,7 +146,7 @@ class PPO(rsl_rl.algorithms.PPO):
         count = epochs * storage.num_mini_batches
         learning_rate = torch.tensor(self.learning_rate, device=self.device)
         rates = [learner.optimizer.rates(count, lr=1.0) for learner in self.learners]
-        total = dict.fromkeys(("value", "surrogate", "entropy"), 0.0)
+        total: dict[str, float] = dict.fromkeys(("value", "surrogate", "entropy"), 0.0)
         for k, minibatch in enumerate(storage.minibatches(epochs)):
             if self._varying:
                 mark_varying(minibatch)

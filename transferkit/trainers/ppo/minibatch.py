@@ -1,13 +1,13 @@
 """rsl_rl's update of one minibatch as a function of tensors, which runs as it is or compiled.
 
-The losses, the clipping and their order are `rsl_rl.algorithms.PPO.update`'s own code. It is handed a minibatch, networks that are
-functions of flat weights, and an optimiser whose step is tensor operations.
+The losses and their order are `rsl_rl.algorithms.PPO.update`'s own code. It is handed a minibatch, networks that are functions of
+flat weights, and an optimiser whose step is tensor operations.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -58,7 +58,7 @@ def update_minibatch(
 ) -> dict[str, float]:
     """Step actor and critic down rsl_rl's loss; returns its value, surrogate and entropy.
 
-    `rates` are both optimisers' of this step for a learning rate of one; `learning_rate` is changed if it follows the KL divergence.
+    `rates` are both optimisers' of this step for a learning rate of one; `learning_rate` changes if it follows the KL divergence.
     """
     models = _Actor(actor, rule, minibatch), _Critic(critic)
     optimizer = _Optimizer(models, rates, learning_rate, rule.max_grad_norm)
@@ -156,6 +156,7 @@ class OneMinibatch:
         self.observations, self._minibatch = minibatch.observations, minibatch
 
     def mini_batch_generator(self, _count: int, _epochs: int) -> Generator[RolloutStorage.Batch]:
+        """Yield it, as rsl_rl's batch."""
         rows = self._minibatch
         yield RolloutStorage.Batch(
             observations=cast("Any", Observations(rows.observations)),
