@@ -84,7 +84,7 @@ def agent(*, layer_norm: bool, compiles: bool = False) -> Agent:
     critic = make_critic(policy, config.dyna, config.network.hidden, streams.torch("critic"))
     model = make_dynamics(policy, derive_spec(ENV), config.model, streams.torch("model"))
     device = torch.device("cpu")
-    options = {"discount_at": lambda _: config.dyna.gamma, "compiles": compiles}
+    options = {"time_step": 0.0, "compiles": compiles}
     ours = Agent(policy, critic, model, config.dyna, config.model, streams, device, **options)
     generator = streams.torch("transitions")
     for _ in range(2000):

@@ -50,7 +50,7 @@ def model_update(*, compiles: bool) -> Call:
     batch = ours.buffer.split(ours.buffer.sample((MODEL_MEMBERS, MODEL_BATCH), ours.batches))
 
     target = ours.model.targets(batch.observation, batch.reward, batch.next_observation)
-    learner, update = ours.model_learner, ours.update_model
+    learner, update = ours.model_learner, ours.programs.update_model
     rates = learner.optimizer.rates(1)[0]
     return lambda: update(learner, batch, target, rates, dynamics_loss)
 
@@ -78,7 +78,9 @@ def rollout(*, compiles: bool, keep_share: float) -> Call:
     """One imagined step, of which `ROLLOUTS` are kept; with a share below 1 two members are asked."""
     ours = agent(layer_norm=False, compiles=compiles)
     config, networks = replace(ours.config, keep_share=keep_share), (ours.policy, ours.model, ours.buffer)
-    return lambda: imagine(ROLLOUTS, *networks, config, ours.imagination, members=MODEL_MEMBERS, step=ours.imagined_step)
+    return lambda: imagine(
+        ROLLOUTS, *networks, config, ours.imagination, members=MODEL_MEMBERS, step=ours.programs.imagined_step
+    )
 
 
 class PeerNetwork(Protocol):

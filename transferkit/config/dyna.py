@@ -45,14 +45,8 @@ class DynaConfig:
     discount_seconds: Annotated[float, POSITIVE] | None = 2.0
     """Time constant of the discount: a step is discounted by exp(-time step / it), so that tasks with other time steps look
     equally far ahead (Doya 2000; Tallec et al. 2019). None takes `gamma`."""
-    first_discount_seconds: Annotated[float, POSITIVE] | None = None
-    """Time constant at first; it grows to `discount_seconds` over the budget (Francois-Lavet et al. 2015). A far-sighted agent
-    that can do little yet learns to stand still. None for the same throughout."""
     gamma: Annotated[float, Range(0, 1, open_high=True)] = 0.99
     """Discount per step if `discount_seconds` is None or the environment has no time step."""
-    return_seconds: Annotated[float, NOT_NEGATIVE] = 0.0
-    """Time over which rewards are summed up before the critics' value follows, at least one step (Sutton 1988): what a step
-    changes grows with its length, and values pass through short ones slowly."""
     tau: Annotated[float, RATE] = 0.1
     """Share of the networks that the target networks take over after each environment step, so that the targets of a step are
     computed at once; 0.02 an update, while Fujimoto et al. 2018 take 0.005: normalised critics bear it."""
@@ -67,9 +61,9 @@ class DynaConfig:
     so that the critics value the policy that acts."""
     final_noise: Annotated[float, NOT_NEGATIVE] = 0.1
     """The noise at the end of the budget; it changes linearly."""
-    noise_seconds: Annotated[float, NOT_NEGATIVE] = 0.0
-    """Time constant of the noise in the actions, which is then correlated over so long a time (Ornstein-Uhlenbeck), whatever the
-    environment's time step; 0 draws it anew in every step."""
+    hold_seconds: Annotated[float, NOT_NEGATIVE] = 0.0
+    """Time for which an action is held while learning, at least one step: in short steps what an action is worth is lost in noise.
+    The policy that comes of it acts in every step."""
     random_steps: Annotated[int, NOT_NEGATIVE] = 100
     """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none. A core acts
     from the first step on."""
@@ -112,20 +106,15 @@ class DynaConfig:
     def __post_init__(self) -> None:
         check(self, "dyna")
 
-    def return_steps(self, time_step: float) -> int:
-        """Steps of this many seconds whose rewards are summed up."""
-        return max(1, round(self.return_seconds / time_step)) if time_step else 1
+    def hold_steps(self, time_step: float) -> int:
+        """Steps of this many seconds for which an action is held."""
+        return max(1, round(self.hold_seconds / time_step)) if time_step else 1
 
-    def noise_memory(self, time_step: float) -> float:
-        """The share of the action noise that stays after a step of this many seconds."""
-        return math.exp(-time_step / self.noise_seconds) if self.noise_seconds and time_step else 0.0
-
-    def discount(self, time_step: float, progress: float = 1.0) -> float:
-        """The discount per step of an environment with this time step in seconds, 0 for one that has none."""
+    def discount(self, time_step: float) -> float:
+        """The discount per step of an environment with this time step in seconds; 0 for one that has none."""
         if self.discount_seconds is None or not time_step:
             return self.gamma
-        first = self.first_discount_seconds or self.discount_seconds
-        return math.exp(-time_step / (first ** (1 - progress) * self.discount_seconds**progress))
+        return math.exp(-time_step / self.discount_seconds)
 
 
 @dataclass(frozen=True)

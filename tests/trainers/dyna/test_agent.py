@@ -18,11 +18,11 @@ TINY = DynaConfig(batch_size=8, random_steps=0, model_share=0.0)
 MODEL = ModelConfig(hidden=(16,))
 
 
-def make_agent(policy, spec, config, *, model=MODEL, discount=0.99, wrapped=False, compiles=False):
+def make_agent(policy, spec, config, *, model=MODEL, wrapped=False, compiles=False, time_step=0.0):
     streams = Streams(0)
     critic = make_critic(policy, config, (16, 16), streams.torch("critic"), wrapped=wrapped)
     dynamics = make_dynamics(policy, spec, model, streams.torch("model"))
-    options = {"discount_at": lambda _: discount, "compiles": compiles}
+    options = {"time_step": time_step, "compiles": compiles}
     return Agent(policy, critic, dynamics, config, model, streams, torch.device("cpu"), **options)
 
 
@@ -36,13 +36,14 @@ def drawn(generator):
 def agent(pendulum_spec):
     """Makes agents that remember 20 transitions."""
 
-    def make(model=MODEL, discount=0.99, **options):
+    def make(model=MODEL, **options):
         architecture = Architecture(4, 1, (16, 16), "relu")
         policy = ScratchPolicy.create(architecture, Streams(0).torch("policy"), init_std=1.0, normalize=True)
-        made = make_agent(policy, pendulum_spec, replace(TINY, **options), model=model, discount=discount)
+        made = make_agent(policy, pendulum_spec, replace(TINY, **options), model=model)
         generator = Streams(0).torch("transitions")
         for _ in range(20):
             made.buffer.add(drawn(generator))
+        made.steps = 20
         return made
 
     return make
@@ -64,7 +65,7 @@ def test_targets_move_by_tau_and_actors_learn_every_second_update(agent):
             compared += not torch.equal(old, new)
     assert compared > 6
     for _ in range(3):
-        made.buffer.added += 1  # as if a step had been added
+        made.steps += 1  # as if one had been observed
         made.learn()
     assert (updates(made.critic_optimizer), updates(made.actor_optimizer)) == (20, 10)
 
@@ -169,7 +170,7 @@ def test_without_imagining_the_model_is_fitted_until_rewards_or_ends_are_met(age
 
 def test_novelty_is_the_reward_where_none_was_met(agent):
     for curious_until, fitted in ((2, True), (0, False)):
-        made = agent(model=replace(MODEL, every=1), discount=0.0, curious_until=curious_until)  # values are rewards
+        made = agent(model=replace(MODEL, every=1), gamma=0.0, curious_until=curious_until)  # values are rewards
         made.buffer.all().reward.fill_(0.0)
         made.learn()
         assert made.fitted == fitted
@@ -177,7 +178,7 @@ def test_novelty_is_the_reward_where_none_was_met(agent):
 
 
 def test_the_largest_return_is_that_of_the_largest_reward_for_ever(agent):
-    made = agent(discount=0.9, reward_scale=0.1)
+    made = agent(gamma=0.9, reward_scale=0.1)
     made.buffer.all().reward.fill_(0.0)
     assert made.largest_return == pytest.approx(0.1 * 1 / 0.1)  # at least that of novelty
     made.buffer.all().reward[3] = -7.0

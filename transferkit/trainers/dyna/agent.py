@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import copy
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -12,20 +11,20 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from transferkit.nn import Learner, Part, PartAdam, flatten
-from transferkit.nn.compiled import compiled
+from transferkit.nn import Learner, Part, flatten
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
-from transferkit.trainers.dyna.fit import fit, update_model
-from transferkit.trainers.dyna.imagine import imagine, imagined_step, novelty
-from transferkit.trainers.dyna.losses import td_target
+from transferkit.trainers.dyna.fit import fit
+from transferkit.trainers.dyna.held import Held, held_transitions
+from transferkit.trainers.dyna.imagine import imagine, novelty
+from transferkit.trainers.dyna.programs import programs
 from transferkit.trainers.dyna.replay import ReplayBuffer
-from transferkit.trainers.dyna.updates import Minibatches, Networks, update
+from transferkit.trainers.dyna.updates import Minibatches, Networks
 from transferkit.trainers.running_return import RunningReturn
 
 if TYPE_CHECKING:
     from transferkit.config import DynaConfig, ModelConfig
     from transferkit.envs import Step
-    from transferkit.nn import Critic, Dynamics
+    from transferkit.nn import Critic, Dynamics, PartAdam
     from transferkit.policy.base import Policy
     from transferkit.streams import Streams
     from transferkit.trainers.dyna.keeper import Keeper
@@ -56,16 +55,17 @@ class Agent:
         streams: Streams,
         device: torch.device,
         *,
-        discount_at: Callable[[float], float],
-        return_steps: int = 1,
-        noise_memory: float = 0.0,
+        time_step: float,
         compiles: bool = False,
         keeper: Keeper | None = None,
     ) -> None:
-        """Make buffer, optimisers and target networks; `discount_at` a share of the budget is the discount of an environment step."""
+        """Make buffer, optimisers and target networks for an environment with this time step in seconds."""
         self.policy, self.critic, self.model, self.device = policy, critic, model, device
-        self.config, self.model_config, self.discount_at = config, model_config, discount_at
+        self.config, self.model_config, self.keeper = config, model_config, keeper
+        self.hold, self.step_discount = config.hold_steps(time_step), config.discount(time_step)
+        self.discount = self.step_discount**self.hold
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
+        self.returns = RunningReturn(1, self.step_discount)
         groups = policy.parameter_groups()
         actor = Learner(policy, [Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
         critics = Learner(critic, learning_parts(critic, policy), config.critic_learning_rate)
@@ -78,26 +78,18 @@ class Agent:
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
         self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
-        self.networks = Networks(actor, critics, self.first_policy)
-        self.returns = RunningReturn(1, discount_at(1.0))
-        self._update = compiled(update) if compiles else update
-        self._td_target = compiled(td_target) if compiles else td_target
-        self.update_model = compiled(update_model) if compiles else update_model
-        self.imagined_step = compiled(imagined_step) if compiles else imagined_step
+        self.networks, self.programs = Networks(actor, critics, self.first_policy), programs(compiles=compiles)
         self._warming_up = config.random_steps > 0 and not policy.has_core
-        self._rewarded = False
-        self.keeper = keeper
-        self.return_steps, self.noise_memory = return_steps, noise_memory
-        self._noise: Tensor | None = None
+        self._rewarded, self._held, self.steps = False, None, 0
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0, 0.0)
 
     @torch.no_grad()
     def explore(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Choose actions `(1, act_dim)`: noise alone at first, then the policy's with noise."""
-        drawn = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
-        memory, fresh = self.noise_memory, self._noise is None
-        noise = self._noise = drawn if fresh else memory * self._noise + math.sqrt(1 - memory**2) * drawn
+        """Choose actions `(1, act_dim)`: the one that is held, noise alone at first, then the policy's with noise."""
+        if self._held is not None:
+            return self._held.action
+        noise = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
         if self._warming_up:
             return noise.clamp(-1.0, 1.0).cpu().numpy()
         if self.keeper is not None and self.keeper.acts:
@@ -106,22 +98,28 @@ class Agent:
         return (mean + self.noise * noise).clamp(-1.0, 1.0).cpu().numpy()
 
     def observe(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
-        """Remember a step of the one environment."""
-        self.buffer.add_step(observation, action, step)
+        """Remember a step of the one environment, once its action is no longer held."""
+        self.steps += 1
+        done, held = bool(step.done[0]), (self._held or Held(observation, action)).after(step, self.step_discount)
+        over = held.age == self.hold
+        if over or step.terminated[0]:  # not what the time limit cut short
+            self.buffer.add_step(held.observation, held.action, held.whole(step))
+        self._held = None if over or done else held
+        self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
         self.returns.add(step.reward, step.done)
         if self.keeper is not None and not self._warming_up:
-            self.keeper.add(float(step.reward[0]), done=bool(step.done[0]))
-        self._noise = None if step.done[0] else self._noise
-        self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
+            self.keeper.add(float(step.reward[0]), done=done)
         # To the end of an episode, but not for ever if episodes do not end.
-        past = self.buffer.added / max(self.config.random_steps, 1)
-        if (step.done[0] and past >= 1) or past >= LONGEST_WARM_UP:
+        past = self.steps / max(self.config.random_steps, 1)
+        if (done and past >= 1) or past >= LONGEST_WARM_UP:
             self._warming_up = False
 
     def remember(self, prior: Batch) -> None:
         """Start from transitions `(N, ...)` of elsewhere: without random steps, and with a model of them if it is needed."""
-        self.buffer.extend(prior)
+        self.buffer.extend(held_transitions(prior, self.hold, self.step_discount))
         self.policy.update_normalizer(prior.observation.to(self.device))
+        for reward, terminated in zip(prior.reward.numpy(), prior.terminated.numpy() > 0, strict=True):
+            self.returns.add(reward[None], terminated[None])
         self._warming_up = False
         if self.needs_model:
             self._fit()
@@ -131,19 +129,18 @@ class Agent:
         config = self.config
         if self.buffer.added < config.batch_size:
             return
-        if self.buffer.added % self.model_config.every == 0 and self.needs_model:
+        if self.steps % self.model_config.every == 0 and self.needs_model:
             self._fit()
-        rows = self._batches()
-        batch, discount = self.buffer.split(rows[..., :-1]), rows[..., -1]
+        batch = self.buffer.split(self._batches())
         if self.fitted and self.unrewarded:  # learn from what is new
             batch = batch._replace(reward=novelty(self.model, batch))
-        target = self._td_target(
+        target = self.programs.td_target(
             self.target_policy,
             self.target_critic,
             batch,
             self._target_noise(batch),
             reward_scale=torch.tensor(self.reward_scale, device=self.device),
-            discount=discount,
+            discount=self.discount,
             members=self._drawn_critics(),
         )
         self._descend(batch, target)
@@ -187,7 +184,6 @@ class Agent:
     def set_progress(self, progress: float, step_progress: float) -> None:
         """Freeze, unfreeze and calm down for a run that has used these shares of its budget and of its steps."""
         self._progress, config = progress, self.config
-        self.discount = self.discount_at(progress)
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -209,6 +205,8 @@ class Agent:
             "optimizers": [optimizer.state_dict() for optimizer in self._optimizers()],
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
+            "steps": self.steps,
+            "held": [] if self._held is None else [self._held.state()],
             "warming_up": self._warming_up,
             "rewarded": self._rewarded,
             "losses": self.losses,
@@ -225,6 +223,8 @@ class Agent:
         for generator, saved in zip(self._generators(), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
+        self.steps = state.get("steps", self.buffer.added)
+        self._held = next(map(Held.restored, state.get("held", [])), None)
         self._warming_up = state["warming_up"]
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
         if self.keeper is not None:
@@ -234,20 +234,20 @@ class Agent:
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
 
     def _fit(self) -> None:
-        loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self.update_model)
+        loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self.programs.update_model)
         self.losses["model"] = torch.tensor(loss)
 
     def _batches(self) -> Tensor:
-        """Draw rows `(updates_per_step, batch_size, width + 1)` with their discounts, the model's share of them imagined."""
+        """Draw rows `(updates_per_step, batch_size, width)`, the model's share of them imagined."""
         config = self.config
         count, size = config.updates_per_step, config.batch_size
         imagined = round(config.model_share * count * size) if self.fitted else 0
         if not imagined:
-            return self.buffer.sample_returns((count, size), self.batches, self.return_steps, self.discount)
+            return self.buffer.sample((count, size), self.batches)
         made_of = self.policy, self.model, self.buffer, config, self.imagination
-        rows = imagine(imagined, *made_of, members=self.model_config.members, noise=self.noise, step=self.imagined_step)
-        real = self.buffer.sample_returns((count * size - imagined,), self.batches, self.return_steps, self.discount)
-        mixed = torch.cat((real, torch.cat((rows, torch.full_like(rows[:, :1], self.discount)), -1)))
+        options = {"members": self.model_config.members, "noise": self.noise, "step": self.programs.imagined_step}
+        rows = imagine(imagined, *made_of, **options)
+        mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches), rows))
         if config.mix_batches:
             mixed = mixed[torch.randperm(count * size, generator=self.batches, device=self.device)]
         return mixed.view(count, size, -1)
@@ -267,14 +267,14 @@ class Agent:
     def _descend(self, batch: Batch, target: Tensor) -> None:
         """Update the critics with every minibatch and the actor with some, a few at once."""
         count, every = self.config.updates_per_step, self.config.actor_every
-        with_actor = [(self.buffer.added * count + k) % every == 0 for k in range(count)]
+        with_actor = [(self.steps * count + k) % every == 0 for k in range(count)]
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
         anchor = torch.tensor(self.config.anchor * (1.0 - self._progress), device=self.device)
         for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
             part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
-            loss, actors_loss = self._update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
+            loss, actors_loss = self.programs.update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
             self.losses["critic"] = loss
             if any(with_actor[k : k + size]):
                 self.losses["actor"] = actors_loss

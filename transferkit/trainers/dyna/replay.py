@@ -44,7 +44,6 @@ class ReplayBuffer:
         self.obs_dim, self.act_dim, self.capacity = obs_dim, act_dim, capacity
         self.added = 0
         self._rows = torch.zeros(min(FIRST_CAPACITY, capacity), 2 * obs_dim + act_dim + 2, device=device)
-        self._continues = torch.zeros(len(self._rows), dtype=torch.bool, device=device)
 
     def __len__(self) -> int:
         return min(self.added, self.capacity)
@@ -56,7 +55,6 @@ class ReplayBuffer:
             self._grow()
         self._rows[at] = batch.rows()
         self.added += 1
-        self._join(torch.tensor([at - 1, at], device=self._rows.device))
 
     def extend(self, batch: Batch) -> None:
         """Add transitions `(N, ...)` in their order; the newest if they are more than fit."""
@@ -66,22 +64,11 @@ class ReplayBuffer:
         at = torch.arange(self.added, self.added + len(rows), device=self._rows.device) % self.capacity
         self._rows[at] = rows
         self.added += len(rows)
-        self._join(torch.cat((at[:1] - 1, at)))
 
     def _grow(self) -> None:
         grown = self._rows.new_zeros(min(2 * len(self._rows), self.capacity), self._rows.shape[1])
         grown[: len(self._rows)] = self._rows
         self._rows = grown
-        self._continues = torch.cat((self._continues, self._continues.new_zeros(len(grown) - len(self._continues))))
-
-    def _join(self, at: Tensor) -> None:
-        """Note which of these rows are followed by the next step of the same episode."""
-        newest, (row, following) = (
-            (self.added - 1) % self.capacity,
-            (self.split(self._rows[k]) for k in (at, (at + 1) % len(self._rows))),
-        )
-        joined = (row.next_observation == following.observation).all(-1) & (row.terminated == 0)
-        self._continues[at] = joined & (at % len(self._rows) != newest)
 
     def add_step(self, observation: NDArray[np.float32], action: NDArray[np.float32], step: Step) -> None:
         """Add a step of a single environment, all with a leading axis of one."""
@@ -91,23 +78,6 @@ class ReplayBuffer:
     def sample(self, shape: tuple[int, ...], generator: torch.Generator) -> Tensor:
         """Draw rows `(*shape, width)` with replacement."""
         return self._rows[torch.randint(len(self), shape, generator=generator, device=self._rows.device)]
-
-    def sample_returns(self, shape: tuple[int, ...], generator: torch.Generator, steps: int, discount: float) -> Tensor:
-        """Draw rows of `steps` steps of an episode, fewer at its end, and with each the discount of what follows, `(*shape, width + 1)`.
-
-        The reward is their discounted sum; next observation and termination are those of the last of them.
-        """
-        index = torch.randint(len(self), shape, generator=generator, device=self._rows.device)
-        rows, last, reward_at = self._rows[index], index, self.obs_dim + self.act_dim
-        factor = torch.full(shape, discount, device=self._rows.device)
-        for _ in range(1, steps):
-            going = self._continues[last]
-            last = torch.where(going, (last + 1) % len(self._rows), last)
-            rows[..., reward_at] += torch.where(going, factor * self._rows[last, reward_at], 0.0)
-            factor = torch.where(going, factor * discount, factor)
-        if steps > 1:
-            rows[..., reward_at + 1 :] = self._rows[last, reward_at + 1 :]
-        return torch.cat((rows, factor.unsqueeze(-1)), -1)
 
     def recent(self, n: int) -> Batch:
         """Return the last `n` transitions in the order of time, `(n, ...)`."""
@@ -138,5 +108,3 @@ class ReplayBuffer:
         rows = self._rows.new_zeros(allocated, self._rows.shape[1])
         rows[:n] = state["rows"]
         self._rows = rows
-        self._continues = torch.zeros(allocated, dtype=torch.bool, device=rows.device)
-        self._join(torch.arange(n, device=rows.device))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -55,20 +54,14 @@ class DynaTrainer:
         self.overrun_steps = dyna.overrun_steps
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
-        discount, memory = partial(dyna.discount, spec.time_step), dyna.noise_memory(spec.time_step)
         self._kept = {"policy": policy.to(device), "critic": critic.to(device), "dynamics": model.to(device)}
         live, keeper = self._kept, None
         if dyna.assess_every:
             live = copy.deepcopy(self._kept)
             keeper = Keeper(live, copy.deepcopy(self._kept), self._kept, dyna.assess_every)
-        options = {
-            "discount_at": discount,
-            "return_steps": dyna.return_steps(spec.time_step),
-            "noise_memory": memory,
-            "compiles": compiles,
-            "keeper": keeper,
-        }
-        self.agent = Agent(*live.values(), dyna, config.model, streams, device, **options)
+        networks = live["policy"], live["critic"], live["dynamics"]
+        options = {"time_step": spec.time_step, "compiles": compiles, "keeper": keeper}
+        self.agent = Agent(*networks, dyna, config.model, streams, device, **options)
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))

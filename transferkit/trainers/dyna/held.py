@@ -1,0 +1,69 @@
+"""Actions that are held for several steps while learning.
+
+In a step of 8 ms an action changes next to nothing, and what it is worth is lost in the noise of the values around it. Held for a few
+steps it has an effect that can be learnt, and exploration goes somewhere. The steps under one action are one transition of a
+semi-Markov decision process (Sutton, Precup & Singh 1999).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from transferkit.trainers.dyna.replay import Batch
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from transferkit.envs import Step
+
+
+@dataclass(frozen=True)
+class Held:
+    """An action and what has come of it so far, in the one environment."""
+
+    observation: NDArray[np.float32]
+    """What the action was chosen from, `(1, obs_dim)`."""
+    action: NDArray[np.float32]
+    """`(1, act_dim)`."""
+    reward: float = 0.0
+    """Discounted sum."""
+    age: int = 0
+    """Steps."""
+
+    def after(self, step: Step, discount: float) -> Held:
+        """Add a step, at this discount a step."""
+        return replace(self, reward=self.reward + discount**self.age * float(step.reward[0]), age=self.age + 1)
+
+    def whole(self, step: Step) -> Step:
+        """Everything up to the last step as one step."""
+        return replace(step, reward=np.array([self.reward], np.float32))
+
+    def state(self) -> dict[str, Any]:
+        """Return plain numbers."""
+        return {**vars(self), "observation": self.observation.tolist(), "action": self.action.tolist()}
+
+    @classmethod
+    def restored(cls, state: Mapping[str, Any]) -> Held:
+        """Make it from what `state` returned."""
+        observation, action = (np.array(state[name], np.float32) for name in ("observation", "action"))
+        return cls(observation, action, state["reward"], state["age"])
+
+
+def held_transitions(batch: Batch, steps: int, discount: float) -> Batch:
+    """Join every run of `steps` consecutive transitions of `(N, ...)`, fewer before a termination, as if its first action was held."""
+    following = (batch.next_observation[:-1] == batch.observation[1:]).all(-1) & (batch.terminated[:-1] == 0)
+    goes_on = torch.cat((following, torch.zeros(1, dtype=torch.bool)))
+    last = torch.arange(len(batch.reward))
+    reward, complete = batch.reward.clone(), torch.ones_like(goes_on)
+    for age in range(1, steps):
+        complete &= goes_on[last] | (batch.terminated[last] > 0)
+        going = goes_on[last]
+        last = torch.where(going, last + 1, last)
+        reward += torch.where(going, discount**age * batch.reward[last], 0.0)
+    joined = batch._replace(reward=reward, next_observation=batch.next_observation[last], terminated=batch.terminated[last])
+    return Batch(*(tensor[complete] for tensor in joined))

@@ -1,0 +1,30 @@
+"""The functions in which DYNA-DDPG spends its time, compiled or as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+from torch import Tensor
+
+from transferkit.nn.compiled import compiled
+from transferkit.trainers.dyna.fit import update_model
+from transferkit.trainers.dyna.imagine import imagined_step
+from transferkit.trainers.dyna.losses import td_target
+from transferkit.trainers.dyna.replay import Batch
+from transferkit.trainers.dyna.updates import update
+
+
+class Programs(NamedTuple):
+    """Each field is the function of its name."""
+
+    td_target: Callable[..., Tensor]
+    update: Callable[..., tuple[Tensor, Tensor]]
+    update_model: Callable[..., Tensor]
+    imagined_step: Callable[..., tuple[Batch, Tensor]]
+
+
+def programs(*, compiles: bool) -> Programs:
+    """Return them, to be compiled when they are first called or not."""
+    functions: tuple[Any, ...] = (td_target, update, update_model, imagined_step)
+    return Programs(*(map(compiled, functions) if compiles else functions))
