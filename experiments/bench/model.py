@@ -5,18 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from types import ModuleType
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import torch
 from torch import Tensor, nn
 
 from experiments.bench import peers
-from experiments.bench.dyna import ACT, ENV, FULL, OBS, TINY, WIDTH, Size, agent
+from experiments.bench.dyna import ACT, ENV, FULL, OBS, TINY, WIDTH, agent
 from experiments.bench.timing import compare
 from transferkit.envs import make_env
 from transferkit.nn import Dynamics
 from transferkit.trainers.dyna.imagine import imagine
 from transferkit.trainers.dyna.losses import dynamics_loss
+
+if TYPE_CHECKING:
+    from experiments.bench.dyna import Size
 
 MODEL_BATCH, MODEL_MEMBERS, ROLLOUTS = 256, 5, 1280
 

@@ -62,8 +62,8 @@ class DynaConfig:
     final_noise: Annotated[float, NOT_NEGATIVE] = 0.1
     """The noise at the end of the budget; it changes linearly."""
     hold_seconds: Annotated[float, NOT_NEGATIVE] = 0.0
-    """Time for which an action is held while learning, at least one step: in short steps what an action is worth is lost in noise.
-    The policy that comes of it acts in every step."""
+    """Time for which an action is held while learning, at least one step: in short steps what an action is worth is lost in
+    noise. The policy that comes of it acts in every step."""
     random_steps: Annotated[int, NOT_NEGATIVE] = 100
     """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none. A core acts
     from the first step on."""

@@ -17,8 +17,8 @@ R = TypeVar("R")
 def compiled(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a function of tensors of fixed shapes, gradients and in-place steps included, when it is first called.
 
-    The kernels are called from C++, which takes less time between them and to start. What was compiled is kept in the user's cache
-    folder (`TORCHINDUCTOR_CACHE_DIR`).
+    The kernels are called from C++, which takes less time between them and to start. What was compiled is kept in the user's
+    cache folder (`TORCHINDUCTOR_CACHE_DIR`).
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "transferkit" / "torchinductor"
     os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache))

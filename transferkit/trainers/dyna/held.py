@@ -1,8 +1,8 @@
 """Actions that are held for several steps while learning.
 
-In a step of 8 ms an action changes next to nothing, and what it is worth is lost in the noise of the values around it. Held for a few
-steps it has an effect that can be learnt, and exploration goes somewhere. The steps under one action are one transition of a
-semi-Markov decision process (Sutton, Precup & Singh 1999).
+In a step of 8 ms an action changes next to nothing, and what it is worth is lost in the noise of the values around it. Held for
+a few steps it has an effect that can be learnt, and exploration goes somewhere. The steps under one action are one transition of
+a semi-Markov decision process (Sutton, Precup & Singh 1999).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Held:
 
 
 def held_transitions(batch: Batch, steps: int, discount: float) -> Batch:
-    """Join every run of `steps` consecutive transitions of `(N, ...)`, fewer before a termination, as if its first action was held."""
+    """Join all runs of `steps` transitions, fewer before a termination, as if the first action of each was held."""
     following = (batch.next_observation[:-1] == batch.observation[1:]).all(-1) & (batch.terminated[:-1] == 0)
     goes_on = torch.cat((following, torch.zeros(1, dtype=torch.bool)))
     last = torch.arange(len(batch.reward))

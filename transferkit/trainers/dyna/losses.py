@@ -69,8 +69,8 @@ def actor_loss(
 ) -> Tensor:
     """Deterministic policy gradient (Silver et al. 2014, theorem 1), of the members' mean value.
 
-    A policy that does not `squash` its mean is bounded here. With the policy as it was at `first`: in units of the mean absolute
-    value, plus the weighted squared distance to what that one did (Fujimoto & Gu 2021, equation 3).
+    A policy that does not `squash` its mean is bounded here. With the policy as it was at `first`: in units of the mean
+    absolute value, plus the weighted squared distance to what that one did (Fujimoto & Gu 2021, equation 3).
     """
     mean = policy(observation)[0]
     value = critic(observation, mean if squash else bounded(mean))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from torch import Tensor
 
@@ -11,8 +11,10 @@ from transferkit.nn.compiled import compiled
 from transferkit.trainers.dyna.fit import update_model
 from transferkit.trainers.dyna.imagine import imagined_step
 from transferkit.trainers.dyna.losses import td_target
-from transferkit.trainers.dyna.replay import Batch
 from transferkit.trainers.dyna.updates import update
+
+if TYPE_CHECKING:
+    from transferkit.trainers.dyna.replay import Batch
 
 
 class Programs(NamedTuple):

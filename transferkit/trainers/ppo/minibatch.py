@@ -1,7 +1,7 @@
 """rsl_rl's update of one minibatch as a function of tensors, which runs as it is or compiled.
 
-The losses and their order are `rsl_rl.algorithms.PPO.update`'s own code. It is handed a minibatch, networks that are functions of
-flat weights, and an optimiser whose step is tensor operations.
+The losses and their order are `rsl_rl.algorithms.PPO.update`'s own code. It is handed a minibatch, networks that are functions
+of flat weights, and an optimiser whose step is tensor operations.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def update_minibatch(
 ) -> dict[str, float]:
     """Step actor and critic down rsl_rl's loss; returns its value, surrogate and entropy.
 
-    `rates` are both optimisers' of this step for a learning rate of one; `learning_rate` changes if it follows the KL divergence.
+    `rates` are both optimisers' of this step, for a learning rate of one; `learning_rate` follows the KL divergence in place.
     """
     models = _Actor(actor, rule, minibatch), _Critic(critic)
     optimizer = _Optimizer(models, rates, learning_rate, rule.max_grad_norm)
