@@ -12,7 +12,7 @@ from transferkit.trainers.ppo.algorithm import PPO
 from transferkit.trainers.ppo.rollout import RolloutRule
 
 
-def algorithm(**options):
+def algorithm(*, compiles=False, **options):
     config = PPOConfig(**{"num_envs": 1, "rollout_steps": 4, "normalize_reward": False, **options})
     policy = ScratchPolicy.create(Architecture(2, 1, (8,)), Streams(0).torch("policy"), init_std=0.5, normalize=False)
     rule = RolloutRule(config, 1)
@@ -25,6 +25,7 @@ def algorithm(**options):
         num_envs=1,
         capacity=rule.capacity,
         minibatch_sizes=rule.minibatch_sizes,
+        compiles=compiles,
     )
 
 

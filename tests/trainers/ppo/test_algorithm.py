@@ -104,6 +104,20 @@ def test_between_two_rollouts_it_goes_on_from_its_state():
         assert torch.equal(a, b)
 
 
+def test_compiled_updates_differ_by_rounding_and_take_minibatches_of_any_size():
+    """The second rollout has other sizes, for which nothing is compiled anew."""
+    options = {"rollout": "adaptive", "batch_size": 2, "epochs": 2, "schedule": "adaptive", "entropy_coefficient": 0.01}
+    eager, fast = algorithm(**options), algorithm(**options, compiles=True)
+    for n, recompiles in ((6, True), (9, False)):
+        steps = [step(float(k), following=(k / 3, -k / 2)) for k in range(n)]
+        with torch._dynamo.config.patch(error_on_recompile=not recompiles):
+            losses = [ppo.learn(play(ppo, steps)) for ppo in (eager, fast)]
+        assert losses[1] == pytest.approx(losses[0], rel=1e-4)
+    assert fast.learning_rate == pytest.approx(eager.learning_rate)
+    for a, b in zip(eager.policy.parameters(), fast.policy.parameters(), strict=True):
+        torch.testing.assert_close(a, b, rtol=1e-4, atol=1e-6)
+
+
 class Stock(nn.Module):
     """A network of ours as rsl_rl would have it: its own parameters, and torch's distribution."""
 

@@ -1,8 +1,8 @@
 """Actions that are held for several steps while learning.
 
 In a step of 8 ms an action changes next to nothing, and what it is worth is lost in the noise of the values around it. Held for
-a few steps it has an effect that can be learnt, and exploration goes somewhere. The steps under one action are one transition of
-a semi-Markov decision process (Sutton, Precup & Singh 1999).
+a few steps it has an effect that can be learnt, and exploration goes somewhere. The steps under one action are one transition
+of a semi-Markov decision process (Sutton, Precup & Singh 1999).
 """
 
 from __future__ import annotations
