@@ -205,3 +205,34 @@ def test_an_agent_that_has_met_a_reward_remembers_it_when_its_buffer_does_not(ag
     other = agent(buffer_size=20)
     other.restore(one.state())
     assert (one.unrewarded, other.unrewarded) == (False, False)
+
+
+def test_the_policy_that_is_kept_is_the_average_of_the_last_share_of_steps(agent):
+    """At 40 steps and a share of a tenth, a quarter of what is new."""
+    made = agent(average_share=0.1)
+    old = [parameter.detach().clone() for parameter in made.average.parameters()]
+    made.steps = 40
+    made.learn()
+    assert made.average is not made.policy
+    assert made.average.normalizer is made.policy.normalizer
+    compared = 0
+    for before, average, new in zip(old, made.average.parameters(), made.policy.parameters(), strict=True):
+        torch.testing.assert_close(average, 0.75 * before + 0.25 * new)
+        compared += not torch.equal(before, average)
+    assert compared >= 4
+
+
+def test_units_of_the_critics_keep_a_norm_of_one(agent):
+    made = agent(unit_norm=True, critics=3)
+    made.learn()
+    for layer in made.critic.ensemble.body:
+        torch.testing.assert_close(layer.weight.norm(dim=1), torch.ones(3, layer.weight.shape[2]))
+    assert not torch.equal(made.critic.ensemble.scales[0], torch.ones_like(made.critic.ensemble.scales[0]))
+
+
+def test_rewards_can_be_divided_by_the_deviation_of_returns(agent):
+    made = agent(normalize_reward=True, reward_scale=1.0)
+    for reward in (1.0, 5.0):
+        made.returns.add(np.array([reward]), np.array([True]))
+    assert made.reward_scale == pytest.approx(0.5, rel=1e-2)
+    assert agent(reward_scale=0.3).reward_scale == 0.3

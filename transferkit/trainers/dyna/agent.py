@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from transferkit.nn import Critic, Dynamics, PartAdam
     from transferkit.policy.base import Policy
     from transferkit.streams import Streams
-    from transferkit.trainers.dyna.keeper import Keeper
     from transferkit.trainers.dyna.replay import Batch
 
 LONGEST_WARM_UP = 10
@@ -57,11 +56,14 @@ class Agent:
         *,
         time_step: float,
         compiles: bool = False,
-        keeper: Keeper | None = None,
     ) -> None:
-        """Make buffer, optimisers and target networks for an environment with this time step in seconds."""
-        self.policy, self.critic, self.model, self.device = policy, critic, model, device
-        self.config, self.model_config, self.keeper = config, model_config, keeper
+        """Make buffer, optimisers and target networks for an environment with this time step in seconds.
+
+        `policy` becomes the average of what is learnt, if the configuration asks for one.
+        """
+        self.average, self.critic, self.model, self.device = policy, critic, model, device
+        self.policy = policy = self._copy(policy) if config.average_share else policy
+        self.config, self.model_config = config, model_config
         self.hold, self.step_discount = config.hold_steps(time_step), config.discount(time_step)
         self.discount = self.step_discount**self.hold
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
@@ -74,6 +76,7 @@ class Agent:
         self.target_policy, self.target_critic = self._copy(policy), self._copy(critic)
         self._targets = [flatten(g.parameters) for g in self.target_policy.parameter_groups()]
         self._targets += [flatten(part.parameters) for part in learning_parts(self.target_critic, policy)]
+        self._averages = [flatten(g.parameters) for g in self.average.parameter_groups()] if config.average_share else []
         self._online = [*self.actor_optimizer.flat, *self.critic_optimizer.flat]
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
@@ -92,8 +95,6 @@ class Agent:
         noise = torch.randn(1, self.policy.act_dim, generator=self.exploration, device=self.device)
         if self._warming_up:
             return noise.clamp(-1.0, 1.0).cpu().numpy()
-        if self.keeper is not None and self.keeper.acts:
-            return self.keeper.policy.act(observation).clip(-1.0, 1.0)
         mean = self.policy(torch.from_numpy(observation).to(self.device))[0]
         return (mean + self.noise * noise).clamp(-1.0, 1.0).cpu().numpy()
 
@@ -107,8 +108,6 @@ class Agent:
         self._held = None if over or done else held
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
         self.returns.add(step.reward, step.done)
-        if self.keeper is not None and not self._warming_up:
-            self.keeper.add(float(step.reward[0]), done=done)
         # To the end of an episode, but not for ever if episodes do not end.
         past = self.steps / max(self.config.random_steps, 1)
         if (done and past >= 1) or past >= LONGEST_WARM_UP:
@@ -147,6 +146,8 @@ class Agent:
         with torch.no_grad():
             for slow, fast in zip(self._targets, self._online, strict=True):
                 slow.lerp_(fast, config.tau)
+            for average, fast in zip(self._averages, self.actor_optimizer.flat, strict=False):
+                average.lerp_(fast, min(1.0, 1.0 / (config.average_share * self.steps)))
 
     @property
     def reward_scale(self) -> float:
@@ -211,7 +212,6 @@ class Agent:
             "rewarded": self._rewarded,
             "losses": self.losses,
             "returns": self.returns.state(),
-            **({} if self.keeper is None else {"keeper": self.keeper.state()}),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -227,8 +227,6 @@ class Agent:
         self._held = next(map(Held.restored, state.get("held", [])), None)
         self._warming_up = state["warming_up"]
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
-        if self.keeper is not None:
-            self.keeper.restore(state["keeper"])
         if "returns" in state:
             self.returns.restore(state["returns"])
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
@@ -283,6 +281,8 @@ class Agent:
     def _modules(self) -> dict[str, nn.Module]:
         names = ("policy", "critic", "model", "target_policy", "target_critic")
         modules: dict[str, nn.Module] = {name: getattr(self, name) for name in names}
+        if self._averages:
+            modules["average"] = self.average
         if self.first_policy is not None:
             modules["first_policy"] = self.first_policy
         return modules
@@ -295,5 +295,5 @@ class Agent:
 
     def _copy(self, module: M) -> M:
         """Make a target network; it shares the normaliser, whose statistics are not learnt."""
-        normalizer = self.policy.normalizer
+        normalizer = self.average.normalizer
         return copy.deepcopy(module, {} if normalizer is None else {id(normalizer): normalizer})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +13,6 @@ from transferkit.errors import DivergedError
 from transferkit.policy.critic_and_model import make_critic, make_dynamics
 from transferkit.trainers.dyna.agent import Agent
 from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
-from transferkit.trainers.dyna.keeper import Keeper
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
@@ -54,14 +52,9 @@ class DynaTrainer:
         self.overrun_steps = dyna.overrun_steps
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
-        self._kept = {"policy": policy.to(device), "critic": critic.to(device), "dynamics": model.to(device)}
-        live, keeper = self._kept, None
-        if dyna.assess_every:
-            live = copy.deepcopy(self._kept)
-            keeper = Keeper(live, copy.deepcopy(self._kept), self._kept, dyna.assess_every)
-        networks = live["policy"], live["critic"], live["dynamics"]
-        options = {"time_step": spec.time_step, "compiles": compiles, "keeper": keeper}
-        self.agent = Agent(*networks, dyna, config.model, streams, device, **options)
+        policy, critic, model = policy.to(device), critic.to(device), model.to(device)
+        options = {"time_step": spec.time_step, "compiles": compiles}
+        self.agent = Agent(policy, critic, model, dyna, config.model, streams, device, **options)
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))
@@ -77,8 +70,6 @@ class DynaTrainer:
         if session.spent.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
-        if agent.keeper is not None and (session.progress >= 1 or session.spent.steps % LOG_EVERY == 0):
-            agent.keeper.follow()
         if session.spent.steps % LOG_EVERY:
             return step.observation, None
         self._check_values(session)
@@ -94,8 +85,8 @@ class DynaTrainer:
 
     def trained(self) -> dict[str, nn.Module]:
         """Return the critics, and the model if it was fitted."""
-        kept = self._kept
-        return {"critic": kept["critic"], **({"dynamics": kept["dynamics"]} if self.agent.fitted else {})}
+        agent = self.agent
+        return {"critic": agent.critic, **({"dynamics": agent.model} if agent.fitted else {})}
 
     def _check_values(self, session: Session) -> None:
         value = abs(self.agent.metrics().get("value", 0.0))
