@@ -10,6 +10,8 @@ from typing import ParamSpec, TypeVar
 import torch
 from torch import Tensor
 
+from transferkit.versions import cpp_compiler
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -40,3 +42,20 @@ def mark_varying(tensors: Iterable[Tensor]) -> None:
 
     for tensor in tensors:
         torch._dynamo.mark_dynamic(tensor, 0)  # noqa: SLF001 - its documented name
+
+
+def cannot_compile() -> str | None:
+    """Compile a tiny update; returns in one line why that fails, if it does."""
+    if cpp_compiler() is None:
+        return "there is no C++ compiler"
+    try:
+        weight = compiled(_tiny_update)(torch.ones(4))
+    except Exception as error:  # noqa: BLE001 - of torch, of the compiler, of the linker
+        return next(filter(None, str(error).splitlines()), type(error).__name__)
+    return None if torch.equal(weight, torch.full((4,), -1.0)) else "a compiled update gives wrong numbers"
+
+
+def _tiny_update(weight: Tensor) -> Tensor:
+    weight = weight.detach().requires_grad_()
+    (gradient,) = torch.autograd.grad(weight.square().sum(), weight)
+    return weight.detach() - gradient

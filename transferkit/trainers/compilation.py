@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from transferkit.envs import NO_LIMIT
 from transferkit.errors import ConfigError
-from transferkit.versions import cpp_compiler
+from transferkit.nn.compiled import cannot_compile
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
@@ -35,11 +35,12 @@ def is_compiled(config: TrainConfig, episode_limit: int | None, *, recorded: boo
     wanted = (
         recorded or config.compile == "on" or (recorded is None and config.compile == "auto" and _pays(config, episode_limit))
     )
-    if not wanted or cpp_compiler():
+    reason = cannot_compile() if wanted else None
+    if reason is None:
         return bool(wanted)
     if recorded or config.compile == "on":
-        raise ConfigError("the updates are to be compiled, and there is no C++ compiler", remedy=REMEDY)
-    logging.getLogger("transferkit").warning("updates are not compiled, which would be faster: %s", REMEDY)
+        raise ConfigError(f"the updates cannot be compiled: {reason}", remedy=REMEDY)
+    logging.getLogger("transferkit").warning("updates are not compiled, which would be faster: %s; %s", reason, REMEDY)
     return False
 
 

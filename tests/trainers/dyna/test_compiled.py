@@ -1,5 +1,7 @@
 """Compiled updates give what the same functions give without compiling."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -66,8 +68,21 @@ def test_without_a_compiler_a_long_run_says_once_that_it_is_eager_and_on_is_refu
     run_training(RUN, out=tmp_path / "run")
     assert "compiled" not in read_record(tmp_path / "run")
     assert [record.message for record in caplog.records if "compiled" in record.message] == [
-        "updates are not compiled, which would be faster: install g++, or name another compiler in CXX"
+        "updates are not compiled, which would be faster: there is no C++ compiler; "
+        "install g++, or name another compiler in CXX"
     ]
-    with pytest.raises(ConfigError, match=r"no C\+\+ compiler"):
+    with pytest.raises(ConfigError, match=r"the updates cannot be compiled: there is no C\+\+ compiler"):
         run_training(replace(RUN, compile="on"), out=tmp_path / "other")
     assert not (tmp_path / "other").exists()
+
+
+def test_a_compiler_that_fails_is_named_in_one_line(monkeypatch, tmp_path):
+    broken = tmp_path / "g++"
+    broken.write_text("#!/bin/sh\necho no such luck >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("CXX", str(broken))
+    monkeypatch.setenv("TORCHINDUCTOR_CACHE_DIR", str(tmp_path / "cache"))
+    script = "from transferkit.nn.compiled import cannot_compile; print(cannot_compile())"
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert len(found.stdout.splitlines()) == 1
+    assert found.stdout.strip() != "None"
