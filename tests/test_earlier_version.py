@@ -75,7 +75,8 @@ def test_a_run_of_the_default_in_the_old_form_is_the_record_that_was_written(alg
 
 @pytest.mark.parametrize("algo", CASES)
 def test_its_interrupted_run_goes_on_to_the_bit(tmp_path, algo):
-    config = TrainConfig(IDP, algo=algo, steps=600, eval_episodes=2, eval_every=250, checkpoint_seconds=0.0)
+    preset = "default-v2" if algo == "ppo" else "default-v1"
+    config = TrainConfig(IDP, algo=algo, preset=preset, steps=600, eval_episodes=2, eval_every=250, checkpoint_seconds=0.0)
     config = with_settings(config, CASES[algo])
     run_training(config, out=tmp_path / "whole")
     with pytest.raises(InterruptedRunError):

@@ -63,7 +63,7 @@ class DynaConfig:
     """The noise at the end of the budget; it changes linearly."""
     hold_seconds: Annotated[float, NOT_NEGATIVE] = 0.0
     """Time for which an action is held while learning, at least one step: in short steps what an action is worth is lost in
-    noise. The policy that comes of it acts in every step."""
+    noise. The policy that comes of it acts in every step, and so does a core from the first one."""
     random_steps: Annotated[int, NOT_NEGATIVE] = 100
     """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none. A core acts
     from the first step on."""

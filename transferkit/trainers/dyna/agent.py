@@ -64,7 +64,8 @@ class Agent:
         self.average, self.critic, self.model, self.device = policy, critic, model, device
         self.policy = policy = self._copy(policy) if config.average_share else policy
         self.config, self.model_config = config, model_config
-        self.hold, self.step_discount = config.hold_steps(time_step), config.discount(time_step)
+        self.hold = 1 if policy.has_core else config.hold_steps(time_step)  # a core has learnt to act at a rate of its own
+        self.step_discount = config.discount(time_step)
         self.discount = self.step_discount**self.hold
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
         self.returns = RunningReturn(1, self.step_discount)
@@ -147,7 +148,7 @@ class Agent:
             for slow, fast in zip(self._targets, self._online, strict=True):
                 slow.lerp_(fast, config.tau)
             for average, fast in zip(self._averages, self.actor_optimizer.flat, strict=False):
-                average.lerp_(fast, min(1.0, 1.0 / (config.average_share * self.steps)))
+                average.lerp_(fast, 1.0 / max(1.0, config.average_share * self.steps))
 
     @property
     def reward_scale(self) -> float:
