@@ -12,6 +12,14 @@ from torch import Tensor
 
 from transferkit.versions import cpp_compiler
 
+TRACING = {
+    "trace_autograd_ops": True,
+    "capture_scalar_outputs": True,
+    "recompile_limit": 10_000,  # a process may train any number of policies
+    "accumulated_recompile_limit": 10_000,
+}
+"""Settings of `torch._dynamo.config` under which whole updates can be traced."""
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
@@ -30,7 +38,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         import torch._dynamo  # noqa: PLC0415 - takes seconds, and most runs do without
 
-        with torch._dynamo.config.patch(trace_autograd_ops=True, capture_scalar_outputs=True):  # noqa: SLF001 - its documented name
+        with torch._dynamo.config.patch(**TRACING):  # noqa: SLF001 - its documented name
             return inner(*args, **kwargs)
 
     return call
