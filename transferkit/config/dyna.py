@@ -75,8 +75,8 @@ class DynaConfig:
     """Until so many rewards differ from their median, and no episode has terminated, the model's disagreement is the reward: a
     run that meets no reward has nothing else to learn from (Sekar et al. 2020). 0 for never."""
     average_share: Annotated[float, SHARE] = 0.0
-    """The policy that a run ends with is the average of those of the last share of its steps (Polyak & Juditsky 1992): one that is
-    trained fast is good in one step and not in the next. 0 for the last policy itself."""
+    """The policy that a run ends with is the average of those of the last share of its steps (Polyak & Juditsky 1992): one that
+    is trained fast is good in one step and not in the next. 0 for the last policy itself."""
     overrun_steps: Annotated[int, NOT_NEGATIVE] = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: Annotated[int, BUFFER] = 1_000_000

@@ -58,7 +58,7 @@ def cannot_compile() -> str | None:
         return "there is no C++ compiler"
     try:
         weight = compiled(_tiny_update)(torch.ones(4))
-    except Exception as error:  # noqa: BLE001 - of torch, of the compiler, of the linker
+    except Exception as error:  # of torch, of the compiler or of the linker
         return next(filter(None, str(error).splitlines()), type(error).__name__)
     return None if torch.equal(weight, torch.full((4,), -1.0)) else "a compiled update gives wrong numbers"
 

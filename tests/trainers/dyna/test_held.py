@@ -7,6 +7,7 @@ from transferkit.config import DynaConfig
 from transferkit.envs import Step
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
+from transferkit.reading import FormatError
 from transferkit.streams import Streams
 from transferkit.trainers.dyna.held import held_transitions
 from transferkit.trainers.dyna.replay import Batch
@@ -75,3 +76,12 @@ def test_transitions_of_elsewhere_are_joined_as_if_their_first_action_was_held()
     assert joined.reward.tolist() == [1.75, 1.75, 1.75, 1.5, 1.0, 1.75]
     assert joined.next_observation.flatten().tolist() == [3, 4, 5, 5, 5, 13]
     assert joined.terminated.tolist() == [0, 0, 1, 1, 1, 0]
+
+
+@pytest.mark.parametrize("change", [{"age": -1}, {"reward": None}, {"action": [[1.0, 2.0]]}, {"observation": [0.0] * 4}])
+def test_a_forged_held_action_is_refused(agent, change):
+    observe(agent, 0, 1.0)
+    state = agent.state()
+    state["held"] = [state["held"][0] | change]
+    with pytest.raises(FormatError):
+        agent.restore(state)

@@ -118,8 +118,9 @@ class Agent:
         """Start from transitions `(N, ...)` of elsewhere: without random steps, and with a model of them if it is needed."""
         self.buffer.extend(held_transitions(prior, self.hold, self.step_discount))
         self.policy.update_normalizer(prior.observation.to(self.device))
-        for reward, terminated in zip(prior.reward.numpy(), prior.terminated.numpy() > 0, strict=True):
-            self.returns.add(reward[None], terminated[None])
+        if self.config.normalize_reward:
+            for reward, terminated in zip(prior.reward.numpy(), prior.terminated.numpy() > 0, strict=True):
+                self.returns.add(reward[None], terminated[None])
         self._warming_up = False
         if self.needs_model:
             self._fit()
@@ -225,7 +226,8 @@ class Agent:
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
         self.steps = state.get("steps", self.buffer.added)
-        self._held = next(map(Held.restored, state.get("held", [])), None)
+        held = [Held.restored(one, (self.buffer.obs_dim, self.buffer.act_dim)) for one in state.get("held", [])]
+        self._held = held[0] if held else None
         self._warming_up = state["warming_up"]
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
         if "returns" in state:

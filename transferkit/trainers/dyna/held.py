@@ -8,18 +8,26 @@ of a semi-Markov decision process (Sutton, Precup & Singh 1999).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from transferkit.reading import Count, FormatError, typed  # noqa: TC001 - `typed` reads the types
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from transferkit.envs import Step
+
+
+class State(TypedDict):
+    """What a checkpoint says of a held action."""
+
+    observation: list[list[float]]
+    action: list[list[float]]
+    reward: float
+    age: Count
 
 
 @dataclass(frozen=True)
@@ -48,9 +56,16 @@ class Held:
         return {**vars(self), "observation": self.observation.tolist(), "action": self.action.tolist()}
 
     @classmethod
-    def restored(cls, state: Mapping[str, Any]) -> Held:
-        """Make it from what `state` returned."""
+    def restored(cls, data: object, dims: tuple[int, int]) -> Held:
+        """Make it from what `state` returned, for these numbers of observations and actions.
+
+        Raises:
+            FormatError: it is something else.
+        """
+        state = typed(data, State)
         observation, action = (np.array(state[name], np.float32) for name in ("observation", "action"))
+        if (observation.shape, action.shape) != ((1, dims[0]), (1, dims[1])):
+            raise FormatError("the held action has other dimensions")
         return cls(observation, action, state["reward"], state["age"])
 
 
