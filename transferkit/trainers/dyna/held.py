@@ -14,20 +14,15 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from transferkit.reading import Count, FormatError, typed  # noqa: TC001 - `typed` reads the types
+from transferkit.reading import Count, FormatError, typed
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
     from transferkit.envs import Step
 
 
-class State(TypedDict):
-    """What a checkpoint says of a held action."""
-
-    observation: list[list[float]]
-    action: list[list[float]]
-    reward: float
-    age: Count
+State = TypedDict("State", {"observation": list[list[float]], "action": list[list[float]], "reward": float, "age": Count})
+"""What a checkpoint says of a held action."""
 
 
 @dataclass(frozen=True)
