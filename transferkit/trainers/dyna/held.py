@@ -8,7 +8,7 @@ of a semi-Markov decision process (Sutton, Precup & Singh 1999).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import torch
@@ -21,8 +21,14 @@ if TYPE_CHECKING:
     from transferkit.envs import Step
 
 
-State = TypedDict("State", {"observation": list[list[float]], "action": list[list[float]], "reward": float, "age": Count})
-"""What a checkpoint says of a held action."""
+@dataclass(frozen=True)
+class HeldState:
+    """What a checkpoint says of a held action."""
+
+    observation: list[list[float]]
+    action: list[list[float]]
+    reward: float
+    age: Count
 
 
 @dataclass(frozen=True)
@@ -57,11 +63,11 @@ class Held:
         Raises:
             FormatError: it is something else.
         """
-        state = typed(data, State)
-        observation, action = (np.array(state[name], np.float32) for name in ("observation", "action"))
+        state = typed(data, HeldState)
+        observation, action = (np.array(array, np.float32) for array in (state.observation, state.action))
         if (observation.shape, action.shape) != ((1, dims[0]), (1, dims[1])):
             raise FormatError("the held action has other dimensions")
-        return cls(observation, action, state["reward"], state["age"])
+        return cls(observation, action, state.reward, state.age)
 
 
 def held_transitions(batch: Batch, steps: int, discount: float) -> Batch:
