@@ -45,7 +45,9 @@ def is_compiled(config: TrainConfig, episode_limit: int | None, *, recorded: boo
 
 
 def _pays(config: TrainConfig, episode_limit: int | None) -> bool:
-    """Whether the budget has room for enough updates."""
+    """Whether the budget has room for enough updates; on an accelerator nobody has measured it."""
+    if config.device != "cpu":
+        return False
     by_episodes = (config.episodes or 0) * (episode_limit or NO_LIMIT)
     steps = min(limit for limit in (config.steps, by_episodes, (config.seconds or 0) * STEPS_PER_SECOND) if limit)
     return steps * _updates_per_step(config) >= LEAST_UPDATES

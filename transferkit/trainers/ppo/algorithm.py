@@ -102,7 +102,7 @@ class PPO(rsl_rl.algorithms.PPO):
         self.learners = Learner(policy, parts, config.learning_rate), Learner(critic, learnt, config.learning_rate)
         self.optimizer = cast("Any", Optimizers([learner.optimizer for learner in self.learners]))
         self._update_minibatch = compiled(update_minibatch) if compiles else update_minibatch
-        self._varying = compiles and config.rollout != "steps"
+        self._compiles = compiles
         self.returns = RunningReturn(num_envs, config.gamma)
         self.train_mode()
 
@@ -148,7 +148,7 @@ class PPO(rsl_rl.algorithms.PPO):
         rates = [learner.optimizer.rates(count, lr=1.0) for learner in self.learners]
         total: dict[str, float] = dict.fromkeys(("value", "surrogate", "entropy"), 0.0)
         for k, minibatch in enumerate(storage.minibatches(epochs)):
-            if self._varying:
+            if self._compiles and (self.config.rollout != "steps" or len(minibatch.actions) != self.config.batch_size):
                 mark_varying(minibatch)
             step_rates = rates[0][k], rates[1][k]
             losses = self._update_minibatch(self.rule, *self.learners, minibatch, step_rates, learning_rate)
