@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 LEAST_UPDATES = 30_000
 """Updates that a run must have room for: compiling takes 20 seconds once, 4 from the cache, and saves 1 to 2 ms an update."""
 
-STEPS_PER_SECOND = 50
-"""Environment steps that a budget in seconds is taken for."""
+STEPS_PER_SECOND = 10
+"""Environment steps that a budget in seconds is taken for: compiling must not use up a good part of it."""
 
 REMEDY = "install g++, or name another compiler in CXX"
 
