@@ -69,10 +69,6 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
     "dyna-ddpg": {
         "default-v1": Preset(network=NetworkConfig(hidden=(128, 128), activation="relu", init_std=0.3)),
-        "default-v2": Preset(
-            network=NetworkConfig(hidden=(128, 128), activation="relu", init_std=0.3),
-            dyna=DynaConfig(updates_per_step=10, hold_seconds=0.05, average_share=0.1),
-        ),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
