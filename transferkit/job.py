@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -33,7 +34,7 @@ from transferkit.run import (
     read_record,
 )
 from transferkit.streams import Streams
-from transferkit.trainers.compilation import is_compiled
+from transferkit.trainers.compilation import check_compiler, is_compiled
 from transferkit.trainers.make import make_trainer
 
 if TYPE_CHECKING:
@@ -88,9 +89,11 @@ class Job:
     def compiles(self, *, resume: bool) -> bool:
         """Decide whether the updates are compiled; a run that is taken up goes on as it was."""
         recorded = read_beside(read_record(self.out)).compiled if resume and (self.out / RECORD).exists() else None
-        env = self.make_env()
-        limit = episode_limit(env)
-        env.close()
+
+        def limit() -> int | None:
+            with closing(self.make_env()) as env:
+                return episode_limit(env)
+
         return is_compiled(self.config, limit, recorded=recorded)
 
     def open(self, ledger: Ledger, *, compiled: bool, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
@@ -113,6 +116,8 @@ class Job:
 
     def trainer(self, prior: Transitions | None, *, compiled: bool) -> Trainer:
         """Make the trainer around the policy."""
+        if compiled:
+            check_compiler()
         streams, device = Streams(self.config.seed), _device(self.config.device)
         spec_of, arrays = lambda: derive_spec(self.make_env()), prior.batch() if prior else None
         return make_trainer(self.policy, self.config, spec_of, streams, device, arrays, compiles=compiled)

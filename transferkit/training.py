@@ -110,15 +110,9 @@ def train(
     config = TrainConfig(
         recorded(env),
         **wrapping,
-        algo=algo,
-        preset=preset,
-        seed=seed,
-        device=device,
-        compile=compile,
         **asdict(budget),
-        eval_episodes=eval_episodes,
-        eval_every=eval_every,
-        stop_at=stop_at,
+        **{"algo": algo, "preset": preset, "seed": seed, "device": device, "compile": compile},
+        **{"eval_episodes": eval_episodes, "eval_every": eval_every, "stop_at": stop_at},
     )
     config = with_settings(config, settings or {})
     check_read(config, settings or {}, ready=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -56,6 +57,11 @@ def cannot_compile() -> str | None:
     """Compile a tiny update; returns in one line why that fails, if it does."""
     if cpp_compiler() is None:
         return "there is no C++ compiler"
+    return _failure()
+
+
+@functools.cache
+def _failure() -> str | None:
     try:
         weight = compiled(_tiny_update)(torch.ones(4))
     except Exception as error:  # of torch, of the compiler or of the linker

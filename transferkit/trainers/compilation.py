@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from transferkit.envs import NO_LIMIT
@@ -18,37 +19,51 @@ LEAST_UPDATES = 30_000
 STEPS_PER_SECOND = 10
 """Environment steps that a budget in seconds is taken for: compiling must not use up a good part of it."""
 
+EPISODE_SHARE = 0.1
+"""Share of its limit that an episode of a budget is taken for: robots that begin to learn fall."""
+
 REMEDY = "install g++, or name another compiler in CXX"
 
 
-def is_compiled(config: TrainConfig, episode_limit: int | None, *, recorded: bool | None = None) -> bool:
+def is_compiled(config: TrainConfig, episode_limit: Callable[[], int | None], *, recorded: bool | None = None) -> bool:
     """Decide it: as it was `recorded` if the run goes on, else as `config.compile` says.
 
     Raises:
-        ConfigError: it must be, and there is no C++ compiler; or the record says the opposite.
+        ConfigError: it must be, and cannot; or the record says the opposite.
     """
-    if recorded is not None and config.compile not in ("auto", "on" if recorded else "off"):
-        raise ConfigError(
-            f"{{compile={config.compile}}} differs from the run's record: its updates are {'' if recorded else 'not '}compiled",
-            remedy="leave {compile} out, or train into another {out}",
-        )
-    wanted = (
-        recorded or config.compile == "on" or (recorded is None and config.compile == "auto" and _pays(config, episode_limit))
-    )
-    reason = cannot_compile() if wanted else None
-    if reason is None:
-        return bool(wanted)
-    if recorded or config.compile == "on":
+    if recorded is not None:
+        if config.compile not in ("auto", "on" if recorded else "off"):
+            raise ConfigError(
+                f"{{compile={config.compile}}} differs from the run's record: its updates are "
+                f"{'' if recorded else 'not '}compiled",
+                remedy="leave {compile} out, or train into another {out}",
+            )
+        return recorded
+    if config.compile == "off" or (config.compile == "auto" and not _pays(config, episode_limit)):
+        return False
+    if config.compile == "on":
+        check_compiler()
+    elif reason := cannot_compile():
+        logging.getLogger("transferkit").warning("updates are not compiled, which would be faster: %s; %s", reason, REMEDY)
+        return False
+    return True
+
+
+def check_compiler() -> None:
+    """Try to compile, before anything depends on it.
+
+    Raises:
+        ConfigError: that fails.
+    """
+    if reason := cannot_compile():
         raise ConfigError(f"the updates cannot be compiled: {reason}", remedy=REMEDY)
-    logging.getLogger("transferkit").warning("updates are not compiled, which would be faster: %s; %s", reason, REMEDY)
-    return False
 
 
-def _pays(config: TrainConfig, episode_limit: int | None) -> bool:
+def _pays(config: TrainConfig, episode_limit: Callable[[], int | None]) -> bool:
     """Whether the budget has room for enough updates; on an accelerator nobody has measured it."""
     if config.device != "cpu":
         return False
-    by_episodes = (config.episodes or 0) * (episode_limit or NO_LIMIT)
+    by_episodes = EPISODE_SHARE * config.episodes * (episode_limit() or NO_LIMIT) if config.episodes else 0
     steps = min(limit for limit in (config.steps, by_episodes, (config.seconds or 0) * STEPS_PER_SECOND) if limit)
     return steps * _updates_per_step(config) >= LEAST_UPDATES
 

@@ -16,6 +16,7 @@ from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
 from transferkit.run import load_state, read_record
 from transferkit.streams import Streams
+from transferkit.trainers.compilation import is_compiled
 from transferkit.training import run_training
 
 SETTINGS = {"network.hidden": [16, 16], "dyna.batch_size": 32, "dyna.updates_per_step": 2}
@@ -49,7 +50,7 @@ def test_compiled_and_eager_updates_differ_by_rounding_alone(pendulum_spec, untr
         torch.testing.assert_close(compiled[name], value, rtol=1e-3, atol=1e-5, msg=lambda text, name=name: f"{name}: {text}")
 
 
-def test_a_compiled_run_goes_on_to_the_same_bits_and_its_record_says_so(tmp_path, caplog):
+def test_a_compiled_run_goes_on_to_the_same_bits_and_its_record_says_so(tmp_path, monkeypatch):
     config = replace(RUN, compile="on", checkpoint_seconds=0.0)
     run_training(config, out=tmp_path / "whole")
     with pytest.raises(InterruptedRunError):
@@ -58,6 +59,8 @@ def test_a_compiled_run_goes_on_to_the_same_bits_and_its_record_says_so(tmp_path
     whole, cut = (load_state(tmp_path / name / "policy.safetensors")["weights"] for name in ("whole", "cut"))
     assert all(torch.equal(whole[key], cut[key]) for key in whole)
     assert read_record(tmp_path / "cut")["compiled"] is True
+    monkeypatch.setenv("CXX", "no-such-compiler")  # which a finished run does not need
+    assert run_training(config, out=tmp_path / "cut", resume=True).steps == 120
     with pytest.raises(ConfigError, match="differs from the run's record: its updates are compiled"):
         run_training(replace(config, compile="off", steps=200), out=tmp_path / "cut", resume=True)
 
@@ -86,3 +89,18 @@ def test_a_compiler_that_fails_is_named_in_one_line(monkeypatch, tmp_path):
     found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert len(found.stdout.splitlines()) == 1
     assert found.stdout.strip() != "None"
+
+
+@pytest.mark.parametrize(
+    ("algo", "budget", "pays"),
+    [
+        ("dyna-ddpg", {"steps": 20_000}, True),
+        ("dyna-ddpg", {"steps": 20_000, "device": "cuda"}, False),
+        ("dyna-ddpg", {"seconds": 60}, False),
+        ("ppo", {"steps": 1_000_000}, True),
+        ("ppo", {"episodes": 200}, False),  # two poles fall after ten steps, and the quickstart must not wait
+    ],
+)
+def test_a_budget_pays_for_compiling_or_does_not(algo, budget, pays, monkeypatch):
+    monkeypatch.setattr("transferkit.trainers.compilation.cannot_compile", lambda: None)
+    assert is_compiled(TrainConfig("Hopper-v5", algo=algo, **budget), lambda: 1000) == pays

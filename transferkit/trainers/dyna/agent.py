@@ -108,7 +108,8 @@ class Agent:
             self.buffer.add_step(held.observation, held.action, held.whole(step))
         self._held = None if over or done else held
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
-        self.returns.add(step.reward, step.done)
+        if self.config.normalize_reward:
+            self.returns.add(step.reward, step.done)
         # To the end of an episode, but not for ever if episodes do not end.
         past = self.steps / max(self.config.random_steps, 1)
         if (done and past >= 1) or past >= LONGEST_WARM_UP:

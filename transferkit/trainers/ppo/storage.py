@@ -64,8 +64,8 @@ class Storage(RolloutStorage):
 
     def minibatches(self, epochs: int) -> Iterator[Minibatch]:
         """Yield minibatches, permuted anew in every epoch, or in the order of time."""
-        names = ("observations", "actions", "values", "advantages", "returns", "actions_log_prob")
-        tensors = *(getattr(self, name) for name in names), *cast("tuple[Tensor, ...]", self.distribution_params)
+        named = (getattr(self, name) for name in Minibatch._fields[:-2])
+        tensors = *named, *cast("tuple[Tensor, ...]", self.distribution_params)
         flat = [tensor.flatten(0, 1) for tensor in tensors]
         size = len(flat[0])
         ends = list(itertools.accumulate(self._minibatch_sizes(size), initial=0))
