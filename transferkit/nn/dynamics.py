@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
 LOG_VAR_BOUNDS = (-10.0, 0.5)
 """Bounds of the predicted variance, in units of the targets' own (Chua et al. 2018 learn them; fixed here)."""
 
 EPSILON = 1e-6
 """Least standard deviation of a target."""
+
+
+def bounded_log_var(raw: Tensor) -> Tensor:
+    """Bring log-variances within the bounds: `low + softplus(high - softplus(high - raw) - low)` (Chua et al. 2018, A.1).
+
+    Written as `exp(-softplus(x)) = sigmoid(-x)` has it, which costs half of the exponentials and logarithms.
+    """
+    low, high = LOG_VAR_BOUNDS
+    return low + torch.log1p(math.exp(high - low) * torch.sigmoid(raw - high))
 
 
 class Prediction(NamedTuple):
@@ -67,8 +76,7 @@ class Dynamics(nn.Module):
     def forward(self, observation: Tensor, action: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Compute mean and log-variance `(E, B, obs_dim + 1)` of the normalised targets, and termination logits `(E, B)`."""
         mean, raw, logit = self._outputs(observation, action)
-        low, high = LOG_VAR_BOUNDS
-        return mean, low + functional.softplus(high - functional.softplus(high - raw) - low), logit
+        return mean, bounded_log_var(raw), logit
 
     def targets(self, observation: Tensor, reward: Tensor, next_observation: Tensor) -> Tensor:
         """Compute what the means are trained towards, `(..., obs_dim + 1)`."""
