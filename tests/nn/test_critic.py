@@ -1,7 +1,7 @@
 import torch
 from torch import nn
 
-from transferkit.nn import Critic, JointInput, Normalizer, StateCritic
+from transferkit.nn import Critic, Ensemble, EnsembleArchitecture, JointInput, Normalizer, StateCritic
 from transferkit.streams import Streams
 
 
@@ -42,3 +42,10 @@ def test_statistics_belong_to_the_policy_that_owns_them():
 def test_without_statistics_observations_are_raw():
     x = torch.tensor([[3.0, 2.0]])
     assert JointInput(None)(x, torch.tensor([[1.0]])).tolist() == [[3.0, 2.0, 1.0]]
+
+
+def test_some_members_can_be_asked_alone():
+    ensemble = Ensemble(EnsembleArchitecture(3, 3, 1, (8,)), Streams(0).torch("weights"))
+    critic = Critic(JointInput(statistics()), ensemble)
+    inputs = torch.tensor([[3.0, 2.0], [1.0, 5.0]]), torch.tensor([[0.5], [-1.0]])
+    torch.testing.assert_close(critic(*inputs, torch.tensor([2, 0])), critic(*inputs)[[2, 0]])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import torch
 from torch import Tensor, nn
+from torch.func import functional_call
 
 from transferkit.nn.layers import Linear, mlp
 from transferkit.nn.normalizer import Shared
@@ -37,9 +38,13 @@ class Critic(nn.Module):
         super().__init__()
         self.inputs, self.ensemble = inputs, ensemble
 
-    def forward(self, observation: Tensor, action: Tensor) -> Tensor:
-        """Compute values."""
-        return self.ensemble(self.inputs(observation, action)).squeeze(-1)
+    def forward(self, observation: Tensor, action: Tensor, members: Tensor | None = None) -> Tensor:
+        """Compute values, of these members alone if they are given."""
+        inputs = self.inputs(observation, action)
+        if members is None:
+            return self.ensemble(inputs).squeeze(-1)
+        weights = {name: parameter[members] for name, parameter in self.ensemble.named_parameters()}
+        return functional_call(self.ensemble, weights, inputs).squeeze(-1)
 
     def value(self, observation: Tensor, action: Tensor) -> Tensor:
         """Average the members, `(B,)`."""

@@ -60,7 +60,8 @@ class EnsembleLinear(nn.Module):
             nn.init.uniform_(self.bias, -bound, bound, generator=generator)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Apply each member to its own rows."""
+        """Apply each member to its own rows, or to the same rows `(B, in)`."""
+        x = x if x.dim() == 3 else x.expand(len(self.weight), *x.shape)
         if self.weight.shape[-1] == 1:  # a product with one column takes three times as long as this
             return (x * self.weight.transpose(1, 2)).sum(-1, keepdim=True) + self.bias
         return torch.bmm(x, self.weight).add_(self.bias)  # `baddbmm` copies the bias first
@@ -83,8 +84,6 @@ class Ensemble(nn.Module):
 
     def features(self, x: Tensor) -> Tensor:
         """Compute the last hidden layer `(E, B, hidden[-1])` of inputs `(B, in_dim)`, or `(E, B, in_dim)` for own rows each."""
-        if x.dim() == 2:
-            x = x.expand(self.architecture.members, *x.shape)
         for k, layer in enumerate(self.body):
             x = layer(x)
             x = functional.layer_norm(x, x.shape[-1:]) if self.architecture.layer_norm else x

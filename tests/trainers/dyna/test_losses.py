@@ -14,9 +14,9 @@ from transferkit.trainers.dyna.replay import Batch
 class Twice(nn.Module):
     """Two critics: the sum of observation and action, and three times that."""
 
-    def forward(self, observation, action):
+    def forward(self, observation, action, members=slice(None)):
         total = observation.sum(-1) + action.sum(-1)
-        return torch.stack((total, 3 * total))
+        return torch.stack((total, 3 * total))[members]
 
 
 def test_td_target():
@@ -28,7 +28,7 @@ def test_td_target():
     assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0)) == pytest.approx(0.5 + 0.9 * -9)
     assert target(transition(0.0, 0.0, 5.0, -2.0, 1.0)) == pytest.approx(0.5)  # ended
     # the first member alone is asked
-    assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0), members=torch.tensor([[0]])) == pytest.approx(0.5 + 0.9 * -3)
+    assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0), members=torch.tensor([0])) == pytest.approx(0.5 + 0.9 * -3)
     # 0.5 + 0.9 is clipped to 1
     assert target(transition(0.0, 0.0, 5.0, 1.0, 0.0), torch.tensor([[0.9]])) == pytest.approx(0.5 + 0.9 * 2.0)
 

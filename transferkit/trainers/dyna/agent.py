@@ -259,12 +259,11 @@ class Agent:
         return self.noise * noise.clamp_(-NOISE_CLIP, NOISE_CLIP)
 
     def _drawn_critics(self) -> Tensor | None:
-        """Draw the critics of each update, `(updates_per_step, drawn_critics)`."""
+        """Draw the critics of a step's targets, `(drawn_critics,)`."""
         count, drawn = self.config.critics, self.config.drawn_critics
         if drawn is None or drawn >= count:
             return None
-        order = torch.rand(self.config.updates_per_step, count, generator=self.batches, device=self.device)
-        return order.argsort(-1)[:, :drawn]
+        return torch.randperm(count, generator=self.batches, device=self.device)[:drawn]
 
     def _descend(self, batch: Batch, target: Tensor) -> None:
         """Update the critics with every minibatch and the actor with some, a few at once."""

@@ -12,8 +12,8 @@ from torch.nn import functional
 if TYPE_CHECKING:
     from transferkit.trainers.dyna.replay import Batch
 
-Value = Callable[[Tensor, Tensor], Tensor]
-"""Maps observations `(B, obs_dim)` and actions `(B, act_dim)` to every critic's values, `(E, B)`."""
+Value = Callable[..., Tensor]
+"""Maps observations `(B, obs_dim)` and actions `(B, act_dim)` to every critic's values, `(E, B)`; perhaps of given members."""
 
 Actor = Callable[[Tensor], tuple[Tensor, Tensor]]
 """Maps observations `(B, obs_dim)` to mean and log-std of actions, each `(B, act_dim)`."""
@@ -35,8 +35,8 @@ def td_target(
 ) -> Tensor:
     """Add the scaled reward and the discounted least value of the members at the policy's next action, both of target networks.
 
-    The batch is `(K, B, ...)`, the result and a `discount` of its own for each row `(K, B)`; `members` `(K, M)` are those asked
-    for each of the K, or None for all.
+    The batch is `(K, B, ...)`, the result and a `discount` of its own for each row `(K, B)`; `members` `(M,)` are those asked,
+    or None for all.
 
     Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
     equations 10 and 14, and the random subset of Chen et al. 2021, equation 1. Only terminations cut the bootstrap; time-outs
@@ -46,10 +46,8 @@ def td_target(
     action = policy(observation)[0]
     if noise is not None:
         action = action + noise.view_as(action)
-    values = critic(observation, action.clamp(-1.0, 1.0)).view(-1, *batch.reward.shape)
-    if members is not None:
-        values = values.gather(0, members.T.unsqueeze(-1).expand(-1, -1, values.shape[-1]))
-    value = values.amin(0)
+    asked = () if members is None else (members,)
+    value = critic(observation, action.clamp(-1.0, 1.0), *asked).amin(0).view(batch.reward.shape)
     return reward_scale * batch.reward + discount * (1.0 - batch.terminated) * value
 
 
