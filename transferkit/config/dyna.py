@@ -32,7 +32,7 @@ class DynaConfig:
     critics: Annotated[int, MEMBERS] = 2
     """Critics whose least value is the target (Fujimoto et al. 2018)."""
     drawn_critics: Annotated[int, MEMBERS] | None = None
-    """Critics drawn at random for the targets of each step, whose least value is the target (Chen et al. 2021); None for all."""
+    """Critics drawn at random for each step's targets, whose least value is the target (Chen et al. 2021); None for all."""
     unit_norm: bool = False
     """Keep the weights of every hidden unit of the critics at a norm of one (Lee et al. 2025)."""
     actor_learning_rate: Annotated[float, RATE] = 3e-4
