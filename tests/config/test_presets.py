@@ -10,12 +10,12 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "a66683e67c8213ba",
-    "ppo default-v2": "358e41a98a806d1a",
-    "ppo paper-v1": "bfd449e785d440ca",
-    "dyna-ddpg default-v1": "32e5d34eace4f1c4",
-    "dyna-ddpg paper-v1": "d797fcec903061c0",
-    "dyna-ppo default-v1": "a66683e67c8213ba",
+    "ppo default-v1": "2aee69341da61ac2",
+    "ppo default-v2": "fd42123f456a69dc",
+    "ppo paper-v1": "f8deffb6b68e943e",
+    "dyna-ddpg default-v1": "aadd1a8181b7a50e",
+    "dyna-ddpg paper-v1": "3850f0eb2a3599bb",
+    "dyna-ppo default-v1": "2aee69341da61ac2",
 }
 
 

@@ -31,6 +31,9 @@ class DynaConfig:
     """Normalise the critics' layers (Hiraoka et al. 2022: what makes many updates a step stable)."""
     critics: Annotated[int, MEMBERS] = 2
     """Critics whose least value is the target (Fujimoto et al. 2018)."""
+    pessimism: Annotated[float, SHARE] = 1.0
+    """How far from the critics' mean to their least value the target is: critics with normalised layers need less caution, and
+    who fears what is new stands still (Moskovitz et al. 2021; Nauman et al. 2024)."""
     drawn_critics: Annotated[int, MEMBERS] | None = None
     """Critics drawn at random for each step's targets, whose least value is the target (Chen et al. 2021); None for all."""
     unit_norm: bool = False
@@ -53,7 +56,7 @@ class DynaConfig:
     batch_size: Annotated[int, BATCH] = 128
     """Transitions per update."""
     updates_per_step: Annotated[int, Range(1, 1000)] = 5
-    """Critic updates per environment step (Chen et al. 2021 take 20)."""
+    """Critic updates per environment step, or per action if that is held for several (Chen et al. 2021 take 20)."""
     actor_every: Annotated[int, AT_LEAST_ONE] = 2
     """Critic updates per actor update (Fujimoto et al. 2018)."""
     exploration_noise: Annotated[float, NOT_NEGATIVE] = 0.3
@@ -81,6 +84,10 @@ class DynaConfig:
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: Annotated[int, BUFFER] = 1_000_000
     """Transitions remembered."""
+    early_share: Annotated[float, SHARE] = 0.0
+    """Share of the transitions learnt from that are drawn by their discount since the episode began, as the policy gradient
+    weights them (Sutton et al. 2000; Thomas 2014). The rest is drawn evenly, and once episodes are long the starts, which decide
+    all, are hardly among them."""
     reward_scale: float = 0.1
     """Factor of rewards in the critics."""
     normalize_reward: bool = False

@@ -43,6 +43,9 @@ def test_an_action_is_held_and_its_steps_are_one_transition(agent):
     assert reward == 1 + 2 / 2 + 4 / 4
     assert agent.buffer.all().observation[0, 0] == 0
     assert agent.buffer.all().next_observation[0, 0] == 3
+    for k in range(4, 6):
+        observe(agent, k, 0.0)
+    assert agent.buffer.state()["weights"].tolist() == [1, 0.125]  # by the time since the episode began
 
 
 def test_an_episode_ends_the_holding_and_what_the_time_limit_cuts_is_left_out(agent):
@@ -70,12 +73,13 @@ def test_transitions_of_elsewhere_are_joined_as_if_their_first_action_was_held()
     observation = torch.cat((first, second))[:, None]
     terminated = torch.zeros(8)
     terminated[4] = 1.0
-    joined = held_transitions(Batch(observation, observation * 2, torch.ones(8), observation + 1, terminated), 3, 0.5)
+    joined, weights = held_transitions(Batch(observation, observation * 2, torch.ones(8), observation + 1, terminated), 3, 0.5)
     assert joined.observation.flatten().tolist() == [0, 1, 2, 3, 4, 10]
     assert joined.action.flatten().tolist() == [0, 2, 4, 6, 8, 20]
     assert joined.reward.tolist() == [1.75, 1.75, 1.75, 1.5, 1.0, 1.75]
     assert joined.next_observation.flatten().tolist() == [3, 4, 5, 5, 5, 13]
     assert joined.terminated.tolist() == [0, 0, 1, 1, 1, 0]
+    assert weights.tolist() == [1, 0.5, 0.25, 0.125, 0.0625, 1]  # of the time since the episode began
 
 
 @pytest.mark.parametrize("change", [{"age": -1}, {"reward": None}, {"action": [[1.0, 2.0]]}, {"observation": [0.0] * 4}])

@@ -20,13 +20,15 @@ class Twice(nn.Module):
 
 
 def test_td_target():
-    def target(batch, noise=None, members=None):
+    def target(batch, noise=None, **options):
         batch = Batch(*(tensor[None] for tensor in batch))
-        return td_target(Half(), Twice(), batch, noise, reward_scale=0.1, discount=0.9, members=members).item()
+        return td_target(Half(), Twice(), batch, noise, reward_scale=0.1, discount=0.9, **options).item()
 
     # next action -1.0, total -3.0, members -3 and -9: the least is -9
     assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0)) == pytest.approx(0.5 + 0.9 * -9)
     assert target(transition(0.0, 0.0, 5.0, -2.0, 1.0)) == pytest.approx(0.5)  # ended
+    # half way from the mean of -6
+    assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0), pessimism=0.5) == pytest.approx(0.5 + 0.9 * -7.5)
     # the first member alone is asked
     assert target(transition(0.0, 0.0, 5.0, -2.0, 0.0), members=torch.tensor([0])) == pytest.approx(0.5 + 0.9 * -3)
     # 0.5 + 0.9 is clipped to 1

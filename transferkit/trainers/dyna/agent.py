@@ -84,7 +84,7 @@ class Agent:
         self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
         self.networks, self.programs = Networks(actor, critics, self.first_policy), programs(compiles=compiles)
         self._warming_up = config.random_steps > 0 and not policy.has_core
-        self._rewarded, self._held, self.steps = False, None, 0
+        self._rewarded, self._held, self.steps, self._age = False, None, 0, 0
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0, 0.0)
 
@@ -105,8 +105,9 @@ class Agent:
         done, held = bool(step.done[0]), (self._held or Held(observation, action)).after(step, self.step_discount)
         over = held.age == self.hold
         if over or step.terminated[0]:  # not what the time limit cut short
-            self.buffer.add_step(held.observation, held.action, held.whole(step))
-        self._held = None if over or done else held
+            weight = self.step_discount ** (self._age + 1 - held.age)
+            self.buffer.add_step(held.observation, held.action, held.whole(step), weight)
+        self._held, self._age = None if over or done else held, 0 if done else self._age + 1
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
         if self.config.normalize_reward:
             self.returns.add(step.reward, step.done)
@@ -117,7 +118,7 @@ class Agent:
 
     def remember(self, prior: Batch) -> None:
         """Start from transitions `(N, ...)` of elsewhere: without random steps, and with a model of them if it is needed."""
-        self.buffer.extend(held_transitions(prior, self.hold, self.step_discount))
+        self.buffer.extend(*held_transitions(prior, self.hold, self.step_discount))
         self.policy.update_normalizer(prior.observation.to(self.device))
         if self.config.normalize_reward:
             for reward, terminated in zip(prior.reward.numpy(), prior.terminated.numpy() > 0, strict=True):
@@ -127,12 +128,14 @@ class Agent:
             self._fit()
 
     def learn(self) -> None:
-        """Do the updates that follow one environment step; none before the buffer holds a batch."""
+        """Do the updates that follow one environment step; none before the buffer holds a batch, nor while an action is held."""
         config = self.config
         if self.buffer.added < config.batch_size:
             return
         if self.steps % self.model_config.every == 0 and self.needs_model:
             self._fit()
+        if self._held is not None:
+            return
         batch = self.buffer.split(self._batches())
         if self.fitted and self.unrewarded:  # learn from what is new
             batch = batch._replace(reward=novelty(self.model, batch))
@@ -143,6 +146,7 @@ class Agent:
             self._target_noise(batch),
             reward_scale=torch.tensor(self.reward_scale, device=self.device),
             discount=self.discount,
+            pessimism=config.pessimism,
             members=self._drawn_critics(),
         )
         self._descend(batch, target)
@@ -210,6 +214,7 @@ class Agent:
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
             "steps": self.steps,
+            "age": self._age,
             "held": [] if self._held is None else [self._held.state()],
             "warming_up": self._warming_up,
             "rewarded": self._rewarded,
@@ -226,7 +231,7 @@ class Agent:
         for generator, saved in zip(self._generators(), state["generators"], strict=True):
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
-        self.steps = state.get("steps", self.buffer.added)
+        self.steps, self._age = state.get("steps", self.buffer.added), int(state.get("age", 0))
         held = [Held.restored(one, (self.buffer.obs_dim, self.buffer.act_dim)) for one in state.get("held", [])]
         self._held = held[0] if held else None
         self._warming_up = state["warming_up"]
@@ -245,11 +250,11 @@ class Agent:
         count, size = config.updates_per_step, config.batch_size
         imagined = round(config.model_share * count * size) if self.fitted else 0
         if not imagined:
-            return self.buffer.sample((count, size), self.batches)
+            return self.buffer.sample((count, size), self.batches, config.early_share)
         made_of = self.policy, self.model, self.buffer, config, self.imagination
         options = {"members": self.model_config.members, "noise": self.noise, "step": self.programs.imagined_step}
         rows = imagine(imagined, *made_of, **options)
-        mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches), rows))
+        mixed = torch.cat((self.buffer.sample((count * size - imagined,), self.batches, config.early_share), rows))
         if config.mix_batches:
             mixed = mixed[torch.randperm(count * size, generator=self.batches, device=self.device)]
         return mixed.view(count, size, -1)

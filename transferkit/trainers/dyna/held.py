@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
 
 from transferkit.reading import Count, FormatError, typed
 from transferkit.trainers.dyna.replay import Batch
@@ -70,11 +71,16 @@ class Held:
         return cls(observation, action, state.reward, state.age)
 
 
-def held_transitions(batch: Batch, steps: int, discount: float) -> Batch:
-    """Join all runs of `steps` transitions, fewer before a termination, as if the first action of each was held."""
+def held_transitions(batch: Batch, steps: int, discount: float) -> tuple[Batch, Tensor]:
+    """Join all runs of `steps` transitions, fewer before a termination, as if the first action of each was held.
+
+    With them come their weights, the discount to the power of the time since their episodes began.
+    """
     following = (batch.next_observation[:-1] == batch.observation[1:]).all(-1) & (batch.terminated[:-1] == 0)
     goes_on = torch.cat((following, torch.zeros(1, dtype=torch.bool)))
-    last = torch.arange(len(batch.reward))
+    last = index = torch.arange(len(batch.reward))
+    begins = torch.cat((torch.ones(1, dtype=torch.bool), ~following))[: len(index)]
+    weights = discount ** (index - torch.where(begins, index, 0).cummax(0).values)
     reward, complete = batch.reward.clone(), torch.ones_like(goes_on)
     for age in range(1, steps):
         complete &= goes_on[last] | (batch.terminated[last] > 0)
@@ -82,4 +88,4 @@ def held_transitions(batch: Batch, steps: int, discount: float) -> Batch:
         last = torch.where(going, last + 1, last)
         reward += torch.where(going, discount**age * batch.reward[last], 0.0)
     joined = batch._replace(reward=reward, next_observation=batch.next_observation[last], terminated=batch.terminated[last])
-    return Batch(*(tensor[complete] for tensor in joined))
+    return Batch(*(tensor[complete] for tensor in joined)), weights[complete]

@@ -31,23 +31,27 @@ def td_target(
     *,
     reward_scale: float | Tensor,
     discount: float | Tensor,
+    pessimism: float = 1.0,
     members: Tensor | None = None,
 ) -> Tensor:
-    """Add the scaled reward and the discounted least value of the members at the policy's next action, both of target networks.
+    """Add the scaled reward and the discounted value of the policy's next action, both of target networks.
 
-    The batch is `(K, B, ...)`, the result and a `discount` of its own for each row `(K, B)`; `members` `(M,)` are those asked,
-    or None for all.
+    The value is the least of the members, or with less `pessimism` between that and their mean. The batch is `(K, B, ...)`, the
+    result and a `discount` of its own for each row `(K, B)`; `members` `(M,)` are those asked, or None for all.
 
     Lillicrap et al. 2016, equation 5, with the clipped double critic and the action noise of Fujimoto et al. 2018,
-    equations 10 and 14, and the random subset of Chen et al. 2021, equation 1. Only terminations cut the bootstrap; time-outs
-    do not.
+    equations 10 and 14, the random subset of Chen et al. 2021, equation 1, and the pessimism of Moskovitz et al. 2021. Only
+    terminations cut the bootstrap; time-outs do not.
     """
     observation = batch.next_observation.flatten(0, -2)
     action = policy(observation)[0]
     if noise is not None:
         action = action + noise.view_as(action)
     asked = () if members is None else (members,)
-    value = critic(observation, action.clamp(-1.0, 1.0), *asked).amin(0).view(batch.reward.shape)
+    values = critic(observation, action.clamp(-1.0, 1.0), *asked).view(-1, *batch.reward.shape)
+    value = values.amin(0)
+    if pessimism < 1.0:
+        value = pessimism * value + (1.0 - pessimism) * values.mean(0)
     return reward_scale * batch.reward + discount * (1.0 - batch.terminated) * value
 
 
