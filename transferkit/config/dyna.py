@@ -49,7 +49,7 @@ class DynaConfig:
     """Time constant of the discount: a step is discounted by exp(-time step / it), so that tasks with other time steps look
     equally far ahead (Doya 2000; Tallec et al. 2019). None takes `gamma`."""
     gamma: Annotated[float, Range(0, 1, open_high=True)] = 0.99
-    """Discount per step if `discount_seconds` is None or the environment has no time step."""
+    """Discount per step, or per held action, if `discount_seconds` is None or the environment has no time step."""
     tau: Annotated[float, RATE] = 0.1
     """Share of the networks that the target networks take over after each environment step, so that the targets of a step are
     computed at once; 0.02 an update, while Fujimoto et al. 2018 take 0.005: normalised critics bear it."""
@@ -86,8 +86,8 @@ class DynaConfig:
     """Transitions remembered."""
     early_share: Annotated[float, SHARE] = 0.0
     """Share of the transitions learnt from that are drawn by their discount since the episode began, as the policy gradient
-    weights them (Sutton et al. 2000; Thomas 2014). The rest is drawn evenly, and once episodes are long the starts, which decide
-    all, are hardly among them."""
+    weights them (Sutton et al. 2000; Thomas 2014). The rest is drawn evenly: once episodes are long, starts, which decide all,
+    are hardly among them."""
     reward_scale: float = 0.1
     """Factor of rewards in the critics."""
     normalize_reward: bool = False
@@ -120,7 +120,7 @@ class DynaConfig:
     def discount(self, time_step: float) -> float:
         """The discount per step of an environment with this time step in seconds; 0 for one that has none."""
         if self.discount_seconds is None or not time_step:
-            return self.gamma
+            return self.gamma ** (1 / self.hold_steps(time_step))
         return math.exp(-time_step / self.discount_seconds)
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -17,6 +19,7 @@ def test_the_steps_of_an_action_follow_from_the_time_step():
     config = DynaConfig(hold_seconds=0.03)
     assert [config.hold_steps(time_step) for time_step in (0.008, 0.01, 0.025, 0.05, 0.0)] == [4, 3, 1, 1, 1]
     assert DynaConfig().hold_steps(0.008) == 1
+    assert replace(config, discount_seconds=None, gamma=0.97).discount(0.008) ** 4 == pytest.approx(0.97)  # per action
 
 
 def observe(agent, observation, reward, *, terminated=False, truncated=False):

@@ -128,7 +128,7 @@ class Agent:
             self._fit()
 
     def learn(self) -> None:
-        """Do the updates that follow one environment step; none before the buffer holds a batch, nor while an action is held."""
+        """Do the updates that follow one environment step; none before the buffer holds a batch, or while an action is held."""
         config = self.config
         if self.buffer.added < config.batch_size:
             return
