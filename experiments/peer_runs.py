@@ -6,10 +6,11 @@ of the evaluation are those of a matrix. What the table has already is not run a
 
 from __future__ import annotations
 
-import argparse
 import hashlib
+import sys
 import time
 from concurrent.futures import as_completed
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,16 +21,22 @@ from numpy.typing import NDArray
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
+from experiments.matrix.cell import Cell
 from experiments.matrix.evaluation import forward_speed
-from experiments.matrix.table import Row, read_rows, write_rows
+from experiments.matrix.table import NAN, VERSIONS, read_rows, write_rows
+from transferkit.cli.answer import Parser
+from transferkit.cli.wording import worded
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
+from transferkit.errors import TransferkitError
 from transferkit.evaluation import DEFAULT_EPISODES, evaluate
 from transferkit.versions import git_state, versions
 from transferkit.workers import worker_pool
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from experiments.matrix.table import Row
 
 TRAINER = "stable-baselines3"
 
@@ -46,25 +53,38 @@ class PeerPolicy:
         return self.model.predict(normalized, deterministic=True)[0].clip(-1.0, 1.0)  # pyright: ignore[reportArgumentType]
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Train, evaluate and write a row for every seed."""
-    parser = argparse.ArgumentParser(prog="python -m experiments.peer_runs", description=__doc__)
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Train, evaluate and write a row for every seed; the exit status is 2 if an argument is wrong."""
+    parser = Parser(prog="experiments.peer_runs", description=__doc__)
     parser.add_argument("--env", action="append", required=True, help="id; may be given several times")
     parser.add_argument("--steps", type=int, required=True)
     parser.add_argument("--seeds", type=int, nargs=2, metavar=("FIRST", "LAST"), required=True)
     parser.add_argument("--out", type=Path, required=True, help="table, such as runs/NAME/known/peer.csv")
     parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args(arguments)
-    options.out.parent.mkdir(parents=True, exist_ok=True)
-    rows = {row.id: row for row in read_rows(options.out)} if options.out.exists() else {}
-    first, last = options.seeds
-    configs = [TrainConfig(env, seed=seed, steps=options.steps) for seed in range(first, last + 1) for env in options.env]
+    try:
+        options = parser.parse_args(arguments)
+        first, last = options.seeds
+        if last < first:
+            parser.error(f"the last of --seeds {first} {last} is below the first")
+        seeds = range(first, last + 1)
+        configs = [TrainConfig(env, seed=seed, steps=options.steps) for seed in seeds for env in options.env]
+        run_missing(configs, options.out, options.workers)
+    except TransferkitError as error:
+        print(f"error: {worded(error)}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def run_missing(configs: Sequence[TrainConfig], out: Path, workers: int) -> None:
+    """Run what the table does not have, and write it anew after each."""
+    rows = {row.id: row for row in read_rows(out)} if out.exists() else {}
     to_do = [config for config in configs if row_id(config) not in rows]
-    with worker_pool(options.workers, len(to_do)) as pool:
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with worker_pool(workers, len(to_do)) as pool:
         for done in as_completed([pool.submit(run, config) for config in to_do]):
             row = done.result()
             rows[row.id] = row
-            write_rows(options.out, rows.values())
+            write_rows(out, rows.values())
             print(f"{row.target}, seed {row.seed}: {row.eval_return_mean:.0f} in {row.seconds:.0f} s", flush=True)
 
 
@@ -87,34 +107,20 @@ def run(config: TrainConfig) -> Row:
     scores = evaluate(policy, config.env, episodes=DEFAULT_EPISODES).scores()
     speed = forward_speed(policy, config)
     found = versions()
-    return Row(
+    return replace(
+        Cell("scratch", "", TRAINER, config).row,
         id=row_id(config),
-        core="",
-        member=0,
-        target=config.env,
-        arm="scratch",
-        trainer=TRAINER,
         algo="",
         preset="",
-        overrides="{}",
-        seed=config.seed,
-        budget_episodes=None,
-        budget_steps=config.steps,
-        budget_seconds=None,
-        eval_every=0,
-        eval_episodes=DEFAULT_EPISODES,
         steps=model.num_timesteps,
         seconds=round(seconds, 1),
         eval_return_mean=scores["return_mean"],
         eval_return_std=scores["return_std"],
-        forward_speed=float("nan") if speed is None else speed,
+        forward_speed=NAN if speed is None else speed,
         commit=str((git_state() or {}).get("commit", "")),
-        transferkit=found["transferkit"],
-        mujoco=found["mujoco"],
-        gymnasium=found["gymnasium"],
-        torch=found["torch"],
+        **{name: found[name] for name in VERSIONS},
     )
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -64,6 +64,8 @@ class Outcome:
     """The core and its controls on the twin."""
     runs: tuple[Result, ...]
     """Core and scratch on the target, with PPO."""
+    threshold: float
+    """Evaluation from which the target is solved."""
     solved: Result
     """Scratch on the target, with DYNA-DDPG until it is solved."""
     zero_action: ZeroShot
@@ -92,7 +94,7 @@ def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManag
     draw_learning_curves(curves, f"{TARGET}, one seed", picture, zero_action=nothing.mean)
     draw_run(Path(solved.run_dir), solved_picture := out / "solved.png")
     tasks = (TWIN, TWIN_EPISODES), (TARGET, EPISODES)
-    return Outcome(CORE, *tasks, twin, runs, solved, nothing, str(picture), str(solved_picture))
+    return Outcome(CORE, *tasks, twin, runs, SOLVED, solved, nothing, str(picture), str(solved_picture))
 
 
 def zero_shot(core: Core, env: str, *, episodes: int, seed: int = 0) -> tuple[ZeroShot, ...]:

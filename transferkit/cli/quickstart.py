@@ -41,8 +41,6 @@ def main(arguments: Sequence[str]) -> Answer:
 
 
 def _describe(outcome: Outcome, seed: int) -> str:
-    from transferkit.quickstart import SOLVED  # noqa: PLC0415 - torch takes seconds to import
-
     core, (twin, episodes), (target, budget) = outcome.core, outcome.twin_task, outcome.target_task
     return "\n\n".join(
         (
@@ -51,7 +49,7 @@ def _describe(outcome: Outcome, seed: int) -> str:
             "2. " + TARGET_TEXT.format(core=core, target=target, episodes=budget, seed=seed),
             _trained_table(outcome.runs, outcome.zero_action),
             f"{NEGATIVE}\nlearning curves: {outcome.picture}",
-            "3. " + SOLVED_TEXT.format(target=target, solved=SOLVED, seed=seed),
+            "3. " + SOLVED_TEXT.format(target=target, solved=outcome.threshold, seed=seed),
             _trained_table([outcome.solved], outcome.zero_action),
             f"{PAPER}\nlearning curve: {outcome.solved_picture}",
         )

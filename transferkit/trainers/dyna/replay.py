@@ -51,9 +51,8 @@ class ReplayBuffer:
 
     def add(self, batch: Batch, weight: float = 1.0) -> None:
         """Add one transition, without leading axes."""
+        self._allocate(self.added + 1)
         at = self.added % self.capacity
-        if at >= len(self._rows):
-            self._allocate(2 * len(self._rows))
         self._rows[at], self._weights[at] = batch.rows(), weight
         self.added += 1
 
@@ -113,6 +112,6 @@ class ReplayBuffer:
         size = len(self._rows)
         while size < min(n, self.capacity):
             size = min(2 * size, self.capacity)
-        more = size - len(self._rows)
-        self._rows = torch.cat((self._rows, self._rows.new_zeros(more, self._rows.shape[1]))) if more else self._rows
-        self._weights = torch.cat((self._weights, self._weights.new_ones(more))) if more else self._weights
+        if more := size - len(self._rows):
+            self._rows = torch.cat((self._rows, self._rows.new_zeros(more, self._rows.shape[1])))
+            self._weights = torch.cat((self._weights, self._weights.new_ones(more)))
