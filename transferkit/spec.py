@@ -53,6 +53,16 @@ class Joint:
     """Unit vector from the joint to the centre of mass of what it carries, at the reference pose; zero for a slide."""
     length: float
     """Metres from the joint to that centre of mass; 0 for a slide."""
+    body: str = ""
+    """The body that it moves: joints of one body have one name here; empty if it is not known, as in earlier records."""
+    anchor: tuple[float, float, float] | None = None
+    """Where the joint is in the world at the reference pose, in metres; None if it is not known."""
+    mass: float = 0.0
+    """Kilograms of everything that it carries; 0 if it is not known."""
+    range: tuple[float, float] | None = None
+    """Metres or radians between which it is limited; None if it is not."""
+    reference: float = 0.0
+    """Its position at the reference pose."""
 
 
 @dataclass(frozen=True)

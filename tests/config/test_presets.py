@@ -10,12 +10,12 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "2aee69341da61ac2",
-    "ppo default-v2": "fd42123f456a69dc",
-    "ppo paper-v1": "f8deffb6b68e943e",
-    "dyna-ddpg default-v1": "aadd1a8181b7a50e",
-    "dyna-ddpg paper-v1": "3850f0eb2a3599bb",
-    "dyna-ppo default-v1": "2aee69341da61ac2",
+    "ppo default-v1": "a1e9114f656f4e14",
+    "ppo default-v2": "d1b1be25cccafe13",
+    "ppo paper-v1": "b63b0e770bec0ddc",
+    "dyna-ddpg default-v1": "cfb7c65b573fb178",
+    "dyna-ddpg paper-v1": "5dffe413e4dcfad2",
+    "dyna-ppo default-v1": "a1e9114f656f4e14",
 }
 
 

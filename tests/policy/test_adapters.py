@@ -8,7 +8,7 @@ from torch import nn
 
 from transferkit.nn import Normalizer
 from transferkit.policy.adapters import InputAdapter, output_adapter
-from transferkit.policy.match import Match
+from transferkit.matching import Match
 from transferkit.streams import Streams
 
 OBSERVATION = torch.tensor([[3.0, 0.6, 0.8]])
@@ -18,7 +18,7 @@ ANGLE = math.atan2(0.6, 0.8)
 def matched(form=("linear", "linear"), action_weight=((2.0,), (0.0,))):
     """Core inputs are twice the position plus one, and the angle; the core's action drives action 0 of two, doubled."""
     weight = ((2.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    return Match((1,), (2,), weight, (1.0, 0.0), form, action_weight, {}, 1.0)
+    return Match((1,), (2,), weight, (1.0, 0.0), form, action_weight)
 
 
 def statistics(mean, var):

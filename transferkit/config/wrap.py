@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from transferkit.config.checks import POSITIVE, SHARE, WIDTH, Range, check, check_value
+from transferkit.config.checks import NOT_NEGATIVE, POSITIVE, SHARE, WIDTH, Range, check, check_value
+from transferkit.pairing import Angles, Forces, Limbs
 
 Tap = Literal["features", "action"]
 Adapter = Literal["auto", "semantic", "random", "pad"]
@@ -23,6 +24,19 @@ class WrapConfig:
     adapter: Adapter = "auto"
     """Fill the adapters from what the numbers mean, at random, or (a control) element by element with zeros for what is
     missing; auto is semantic if anything matches, else random."""
+    limbs: Limbs = "one"
+    """Let one limb of the core's robot drive one limb of the target, or all that are like it: each by a copy of the core, which
+    share their weights."""
+    angles: Angles = "own"
+    """Let a hinge read its partner's own angle, or also those of hinges that the core's robot lacks: of a waist between, or of
+    all that the partner carries, as far as they swing its centre of mass."""
+    forces: Forces = "acceleration"
+    """What an action keeps: the acceleration that it causes, or its torque for the robot's weight and length (load); auto keeps
+    the load if both robots stand on their limbs."""
+    hold: Annotated[int, NOT_NEGATIVE] = 1
+    """Control steps for which an action of the core is held; 0 for as many as last as long as one of its own."""
+    stagger: Annotated[float, Range(-3.2, 3.2)] = 0.0
+    """How far apart, in radians, the copies of a core see the first joints of their limbs: limbs in step hardly walk."""
     finetune: bool = True
     """Put square residual layers beside the core, the identity until trained."""
     residual: Annotated[int, Range(0, WIDTH.high)] = 64

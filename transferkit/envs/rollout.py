@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 
 
 class Actor(Protocol):
-    """Anything that maps observations `(B, obs_dim)` to deterministic actions `(B, act_dim)`."""
+    """Anything that maps observations `(B, obs_dim)` to deterministic actions `(B, act_dim)`.
+
+    One with a `hold` is asked once in so many control steps of an episode, and its action holds meanwhile.
+    """
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Choose the actions."""
@@ -51,7 +54,7 @@ def rollout(
     """Play episodes side by side in `envs`, and yield every step, before the environment is reset.
 
     Args:
-        actor: has `act`; it is asked once for all running episodes.
+        actor: has `act`; it is asked once for all running episodes that need an action.
         envs: environments under `make_env`'s contract, no more than episodes.
         seed_of: gives the seed that an episode starts from, asked when it starts.
         episodes: how many; without a limit the caller stops.
@@ -60,6 +63,8 @@ def rollout(
     observations: dict[int, NDArray[np.float32]] = {}
     steps: dict[int, int] = {}
     playing: dict[int, gymnasium.Env] = {}
+    actions: dict[int, NDArray[np.float32]] = {}
+    hold = getattr(actor, "hold", 1)
 
     def start(episode: int, env: gymnasium.Env) -> None:
         observations[episode], steps[episode], playing[episode] = env.reset(seed=seed_of(episode))[0], 0, env
@@ -70,15 +75,18 @@ def rollout(
         start(episode, env)
     upcoming = len(envs)
     while playing:
-        actions = actor.act(np.stack([observations[episode] for episode in playing]))
-        for (episode, env), action in zip(list(playing.items()), actions, strict=True):
-            observation, step = observations[episode], steps[episode]
+        asking = [episode for episode in playing if steps[episode] % hold == 0]
+        if asking:
+            chosen = actor.act(np.stack([observations[episode] for episode in asking]))
+            actions.update(zip(asking, chosen, strict=True))
+        for episode, env in list(playing.items()):
+            observation, step, action = observations[episode], steps[episode], actions[episode]
             following, reward, terminated, truncated, info = env.step(action)
             observations[episode], steps[episode] = following, step + 1
             taken = Transition(episode, step, observation, action, float(reward), following, terminated, truncated, info)
             yield taken
             if taken.done:
-                del playing[episode], observations[episode], steps[episode]
+                del playing[episode], observations[episode], steps[episode], actions[episode]
                 if upcoming < episodes:
                     start(upcoming, env)
                     upcoming += 1

@@ -10,12 +10,12 @@ from torch import Tensor, nn
 from transferkit.nn import Linear, Shared
 
 if TYPE_CHECKING:
+    from transferkit.matching import Match
     from transferkit.nn import Normalizer
-    from transferkit.policy.match import Match
 
 
 class InputAdapter(nn.Module):
-    """Target observations `(B, d_target)` to core inputs `(B, d_source)` in the core's normalised units.
+    """Target observations `(B, d_target)` to core inputs `(B, copies * d_source)` in the core's normalised units.
 
     `linear(normalised observation)`, plus, if the two specs match, the matched physical quantity under the core's own
     source statistics. With a match the linear map starts at zero, so the sum starts at exactly what the match says, and
@@ -25,7 +25,7 @@ class InputAdapter(nn.Module):
     weight: Tensor
     bias: Tensor
     form: Tensor
-    """`(3, d_source)`: 1 if a core input is linear, a sine, a cosine of the matched quantity."""
+    """`(3, copies * d_source)`: 1 if a core input is linear, a sine, a cosine of the matched quantity."""
 
     def __init__(
         self,
@@ -38,7 +38,8 @@ class InputAdapter(nn.Module):
         super().__init__()
         d_target = normalizer.mean.shape[0]
         self.semantic = match is not None
-        self.linear = Linear(d_target, d_source, None if self.semantic else generator, gain=1.0)
+        self.copies = 1 if match is None else match.copies
+        self.linear = Linear(d_target, self.copies * d_source, None if self.semantic else generator, gain=1.0)
         self._normalize, self._normalize_source = Shared(normalizer), Shared(source_normalizer)  # the policy owns both
         if match is not None:
             self._sin, self._cos = list(match.sin), list(match.cos)
@@ -52,10 +53,12 @@ class InputAdapter(nn.Module):
         adapted = self.linear(self._normalize(observation))
         if not self.semantic:
             return adapted
-        return adapted + self._normalize_source(self.matched(observation)) * self.form.sum(0)
+        matched = self.matched(observation)
+        each = matched.unflatten(-1, (self.copies, -1))
+        return adapted + self._normalize_source(each).flatten(-2) * self.form.sum(0)
 
     def matched(self, observation: Tensor) -> Tensor:
-        """Compute the matched quantities in the source's physical units, `(..., d_source)`; zero if nothing matched."""
+        """Compute matched quantities in the source's physical units, `(..., copies * d_source)`; zero if nothing matched."""
         angles = torch.atan2(observation[..., self._sin], observation[..., self._cos])
         z = torch.cat([observation, angles], -1) @ self.weight.T + self.bias
         return self.form[0] * z + self.form[1] * z.sin() + self.form[2] * z.cos()
@@ -64,17 +67,17 @@ class InputAdapter(nn.Module):
 def output_adapter(
     d_in: int, act_dim: int, match: Match | None, head: nn.Linear | None, generator: torch.Generator | None
 ) -> Linear:
-    """Make the map from the tapped core `(B, d_in)` to the mean action `(B, act_dim)`.
+    """Make the map from the tapped copies of the core `(B, copies * d_in)` to the mean action `(B, act_dim)`.
 
     Random: orthogonal with gain 0.01 on features (a new policy acts near zero), 1 on the core's action. With a match:
     the core's own action head under the features tap, the matched actuators under the action tap, zero elsewhere.
     """
     if match is None:
         return Linear(d_in, act_dim, generator, gain=0.01 if head is not None else 1.0)
-    adapter = Linear(d_in, act_dim)
+    adapter = Linear(match.copies * d_in, act_dim)
     weight = torch.tensor(match.action_weight)
     with torch.no_grad():
-        adapter.weight.copy_(weight if head is None else weight @ head.weight)
+        adapter.weight.copy_(weight if head is None else weight @ torch.block_diag(*[head.weight] * match.copies))
         if head is not None:
-            adapter.bias.copy_(weight @ head.bias)
+            adapter.bias.copy_(weight @ head.bias.repeat(match.copies))
     return adapter

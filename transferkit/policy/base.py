@@ -47,6 +47,8 @@ class Policy(nn.Module):
     """Whether a core acts in it from the first step."""
     origin: Origin | None = None
     """Where its core comes from, if critics and a model can be wrapped alike."""
+    hold: int = 1
+    """Control steps for which an action is held; whoever plays the policy asks it once in so many."""
     squash: bool = False
     """Whether the mean is bounded by tanh, as in the paper's DDPG."""
     lr_scale: Mapping[str, float]

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from transferkit.config.wrap import PAPER_WRAP, Adapter, Tap, WrapConfig
+from transferkit.matching import Match, earlier_match, padded
 from transferkit.nn import Architecture, Normalizer, PolicyNet
 from transferkit.policy.base import ConstantPolicy, ScratchPolicy
 from transferkit.policy.composed import ComposedNet
-from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
 from transferkit.reading import Count, FormatError, Size, typed
@@ -96,18 +96,25 @@ class Sandwiched(Paper):
     adapter: Adapter
     finetune: bool
     residual: Count
+    match: Match | None = None
+    """What its adapters began with; earlier versions did not keep it."""
 
     @property
     def weights(self) -> int:
         """Numbers in its matrices."""
         source, target = self.source.obs_dim, self.target
         beside = self.finetune * (source**2 + self._tapped**2) + self.residual * (target.obs_dim + target.act_dim)
-        return _network(self.core).weights + beside + source * target.obs_dim + self._tapped * target.act_dim
+        ends = self._copies * (source * target.obs_dim + self._tapped * target.act_dim)
+        return _network(self.core).weights + beside + ends
 
     @property
     def feature_dim(self) -> int:
         """Width of what a sandwich around it takes."""
-        return self._tapped + self.residual
+        return self._copies * self._tapped + self.residual
+
+    @property
+    def _copies(self) -> int:
+        return 1 if self.match is None else self.match.copies
 
     @property
     def _tapped(self) -> int:
@@ -122,7 +129,17 @@ class Sandwiched(Paper):
         clip = isinstance(core, PolicyNet)  # what is composed clips by itself
         normalizer = Normalizer(self.source.obs_dim, clip=clip) if self.source_normalizer else None
         specs = self.source, self.target
-        return Sandwich(core, normalizer, specs, config, match_for(self.adapter, *specs), _generators(generator))
+        return Sandwich(core, normalizer, specs, config, self._matched(), _generators(generator))
+
+    def _matched(self) -> Match | None:
+        """Take the match that was kept, if it fits."""
+        if self.adapter == "random":
+            return None
+        if self.match is None:
+            return padded(self.source, self.target) if self.adapter == "pad" else earlier_match(self.source, self.target)
+        if not self.match.fits(self.source, self.target):
+            raise FormatError("its match does not fit its dimensions")
+        return self.match
 
 
 KINDS: dict[str, type[Constant | Scratch | Paper]] = {"constant": Constant, "scratch": Scratch, "paper": Paper}

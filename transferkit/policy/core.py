@@ -10,17 +10,17 @@ import torch
 from torch import Tensor
 
 from transferkit.errors import ConfigError, SettingError
+from transferkit.matching import angle_pairs
 from transferkit.nn import Architecture, Critic, Dynamics, Ensemble, JointInput, Normalizer, PolicyNet
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.blueprints import build_network
-from transferkit.policy.match import angle_pairs
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
+    from transferkit.matching import Match
     from transferkit.nn import EnsembleArchitecture
     from transferkit.policy.base import Policy
     from transferkit.policy.composed import Composed, ComposedNet
-    from transferkit.policy.match import Match
     from transferkit.spec import IOSpec
 
 

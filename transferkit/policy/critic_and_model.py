@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from transferkit.matching import angle_pairs
 from transferkit.nn import (
     Critic,
     Dynamics,
@@ -19,7 +20,6 @@ from transferkit.nn import (
     ResidualLinear,
 )
 from transferkit.policy.adapters import InputAdapter
-from transferkit.policy.match import angle_pairs
 from transferkit.policy.wrapped_ensemble import WrappedEnsemble
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_versio
 from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec, dims_of
 from transferkit.errors import DimensionError, UnknownNameError
+from transferkit.matching import match_for
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.blueprints import SEEDED
 from transferkit.policy.core import Core, Origin
-from transferkit.policy.match import match_for
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
 from transferkit.spec import IOSpec
@@ -66,7 +66,7 @@ def wrap(
     generators = {name: Streams(seed).torch(f"{name} initialisation") for name in SEEDED}
     if config.structure == "paper":
         return PaperSandwich(network, (source, target), config, generators)
-    matched = match_for(config.adapter, source, target)
+    matched = match_for(config, source, target)
     return Sandwich(network, normalizer, (source, target), config, matched, generators, origin=Origin(core, member, matched))
 
 

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
 
+from transferkit.matching import explain
 from transferkit.nn import Linear, Normalizer, ResidualLinear, gaussian, mlp
 from transferkit.policy.adapters import InputAdapter, output_adapter
 from transferkit.policy.base import Policy
-from transferkit.policy.match import explain
 
 if TYPE_CHECKING:
     from transferkit.config import WrapConfig
+    from transferkit.matching import Match
     from transferkit.nn import PolicyNet
     from transferkit.policy.composed import ComposedNet
     from transferkit.policy.core import Origin
-    from transferkit.policy.match import Match
     from transferkit.spec import IOSpec
 
 
@@ -50,6 +52,7 @@ class Sandwich(Policy):
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
         self.normalizer = Normalizer(target.obs_dim)
         self.source_normalizer = source_normalizer
+        self.copies, self.hold = (1, 1) if match is None else (match.copies, match.hold)
         features = config.tap == "features"
         d_core, d_tap = source.obs_dim, core.feature_dim if features else source.act_dim
         self.input_adapter = InputAdapter(self.normalizer, source_normalizer, d_core, match, generators.get("input_adapter"))
@@ -63,19 +66,19 @@ class Sandwich(Policy):
         self._check_part_names()
 
     def core_input(self, observation: Tensor) -> Tensor:
-        """Compute what the core sees, `(B, d_source)`."""
-        return self.input_finetune(self.input_adapter(observation))
+        """Compute what every copy of the core sees, `(B, copies * d_source)`."""
+        return self._each(self.input_finetune, self.input_adapter(observation))
 
     def forward(self, observation: Tensor) -> tuple[Tensor, Tensor]:
         """Compute mean and log-std of the action."""
-        mean = self.output_adapter(self.output_finetune(self._tapped(self.core_input(observation))))
+        mean = self.output_adapter(self._around_core(observation))
         if self.residual is not None:
             mean = mean + self.residual(self.normalized(observation))
         return self._bounded(mean)
 
     def features(self, observation: Tensor) -> Tensor:
         """Compute all that the mean action is a linear map of, for another sandwich to take: also around the core."""
-        tapped = self.output_finetune(self._tapped(self.core_input(observation)))
+        tapped = self._around_core(observation)
         if self.residual is None:
             return tapped
         return torch.cat((tapped, self.residual[0](self.normalized(observation))), -1)
@@ -100,19 +103,34 @@ class Sandwich(Policy):
     def trace(self, observation: Tensor) -> dict[str, Tensor]:
         """Compute what enters the core and what is taken from it."""
         core_input = self.core_input(observation)
-        return {"core_input": core_input, "core_output": self._tapped(core_input)}
+        return {"core_input": core_input, "core_output": self._each(self._tapped, core_input)}
 
     def trace_names(self) -> dict[str, list[str]]:
         """Name the source's elements, and features by number or the source's actuators."""
         source = self._specs[0]
         features = [f"feature_{i}" for i in range(self.core.feature_dim)]
         output = features if self.config.tap == "features" else [actuator.name for actuator in source.action]
-        return {"core_input": [element.name for element in source.observation], "core_output": output}
+        return {"core_input": self._every([element.name for element in source.observation]), "core_output": self._every(output)}
 
     def _bounded(self, mean: Tensor) -> tuple[Tensor, Tensor]:
         if self.squash:
             mean = torch.tanh(mean)
         return mean, self.log_std.clamp(*gaussian.LOG_STD_BOUNDS).expand_as(mean)
+
+    def _around_core(self, observation: Tensor) -> Tensor:
+        """Compute what the output adapter takes, `(B, copies * d_tap)`."""
+        tapped = self._each(self._tapped, self.core_input(observation))
+        return self._each(self.output_finetune, tapped)
+
+    def _each(self, layer: Callable[[Tensor], Tensor], x: Tensor) -> Tensor:
+        """Apply a layer of one copy to those of every copy, which are side by side."""
+        if self.copies == 1:
+            return layer(x)
+        return layer(x.unflatten(-1, (self.copies, -1)).flatten(0, 1)).unflatten(0, (-1, self.copies)).flatten(1)
+
+    def _every(self, names: list[str]) -> list[str]:
+        """Name the elements of every copy."""
+        return names if self.copies == 1 else [f"{name}[{k + 1}]" for k in range(self.copies) for name in names]
 
     def _tapped(self, core_input: Tensor) -> Tensor:
         features = self.core.features(core_input)
@@ -144,8 +162,7 @@ class Sandwich(Policy):
         if self._match is None:
             adapters = "adapters: random; nothing is matched"
         else:
-            pairs = ", ".join(f"{a} -> {b}" for a, b in self._match.joints.items())
-            adapters = f"adapters: {self._adapter}; joints {pairs}\n{explain(self._match, source, target)}"
+            adapters = f"adapters: {self._adapter}\n{explain(self._match, source, target)}"
         return "\n".join((dims, core, adapters, super().describe()))
 
     def blueprint(self) -> dict[str, Any]:
@@ -160,6 +177,7 @@ class Sandwich(Policy):
             "finetune": self.config.finetune,
             "residual": self.config.residual,
             "adapter": self._adapter,
+            "match": None if self._match is None else asdict(self._match),
         }
 
     def _residual_column(self, width: int, generator: torch.Generator | None) -> nn.Sequential:
@@ -175,5 +193,5 @@ def _initial_log_std(core: PolicyNet | ComposedNet, match: Match | None, act_dim
         for k, row in enumerate(match.action_weight):
             for j, weight in enumerate(row):
                 if weight:
-                    log_std[k] = core.log_std.detach()[j]  # its own, in the target's action range
+                    log_std[k] = core.log_std.detach()[j % len(core.log_std)]  # its own, in the target's action range
     return log_std

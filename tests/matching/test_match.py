@@ -1,0 +1,129 @@
+"""Matches of real robots, and the contract that a spec on itself is the identity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from transferkit.envs import derive_spec, environment_ids
+from transferkit.matching import compiled, coverage, explain, pair
+
+ONE, TWO, CARTPOLE = "InvertedPendulum-v5", "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
+HOPPER, WALKER, CHEETAH = "Hopper-v5", "Walker2d-v5", "HalfCheetah-v5"
+DM_HOPPER, DM_WALKER, DM_CHEETAH = (f"dm_control/{name}-v0" for name in ("hopper-stand", "walker-walk", "cheetah-run"))
+
+
+def matched(source, target, **options):
+    specs = derive_spec(source), derive_spec(target)
+    pairing = pair(*specs, **options)
+    return pairing, compiled(pairing, *specs), *specs
+
+
+def partners(pairing, source, target, copy=0):
+    """Model names of what is matched, the target's joint that has the name alone."""
+    own, others = ({joint.name: joint.model_name for joint in spec.joints} for spec in (source, target))
+    return {own[one]: others[next(iter(reads))] for one, reads in pairing.copies[copy].joints.items()}
+
+
+@pytest.mark.parametrize("env_id", environment_ids())
+def test_a_spec_on_itself_is_the_identity(env_id):
+    _, match, spec, _ = matched(env_id, env_id, limbs="all", angles="carried", forces="auto")
+    np.testing.assert_array_equal(np.array(match.weight)[:, : spec.obs_dim], np.eye(spec.obs_dim))
+    assert not np.any(np.array(match.weight)[:, spec.obs_dim :])
+    assert (set(match.form), set(match.bias), match.copies, match.hold) == ({"linear"}, {0.0}, 1, 1)
+    np.testing.assert_array_equal(match.action_weight, np.eye(spec.act_dim))
+
+
+@pytest.mark.parametrize(("source", "target"), [(WALKER, DM_WALKER), (DM_WALKER, WALKER)])
+def test_slides_that_commute_match_in_any_order(source, target):
+    pairing, match, *specs = matched(source, target)
+    assert len(pairing.copies[0].joints) == 9
+    assert coverage(match, specs[0]) == (1.0, 1.0)
+
+
+def test_heights_are_compared_from_the_reference_poses():
+    """Walker2d stands at z = 1.25, dm_control's walker has a root at 0 there and observes 1.3."""
+    _, match, source, target = matched(WALKER, DM_WALKER)
+    k = [e.name for e in source.observation].index("slide_z.position")
+    standing = np.zeros(len(match.weight[k]))
+    standing[[e.name for e in target.observation].index("slide_z.position")] = 1.3
+    assert np.dot(match.weight[k], standing) + match.bias[k] == pytest.approx(1.25)
+
+
+def test_a_joint_that_the_source_lacks_is_a_gap():
+    pairing, _, *specs = matched(HOPPER, DM_HOPPER)
+    assert partners(pairing, *specs) == {
+        "rootx": "rootx", "rootz": "rootz", "rooty": "rooty", "thigh_joint": "hip", "leg_joint": "knee", "foot_joint": "ankle",
+    }  # fmt: skip
+
+
+def test_a_waist_between_is_part_of_the_angle_below_it():
+    carried, own = (matched(HOPPER, DM_HOPPER, angles=angles)[0].copies[0].joints["hinge_y2"] for angles in ("carried", "own"))
+    assert own == {"hinge_y3": -1.0}  # the axes are opposite
+    assert carried == {"hinge_y3": -1.0, "hinge_y2": -1.0}
+
+
+def test_what_two_poles_carry_together_leans_by_a_quarter_of_the_upper_angle():
+    """Poles of 0.6 m and one mass: the upper one carries half of it, 0.3 m from its hinge, and the arm is 0.6 m."""
+    assert matched(ONE, TWO, angles="carried")[0].copies[0].joints["hinge_y"] == pytest.approx({"hinge_y": 1, "hinge_y2": 0.25})
+
+
+def test_one_leg_drives_two_by_two_copies_that_see_a_leg_each():
+    pairing, match, *specs = matched(HOPPER, WALKER, limbs="all", stagger=0.4)
+    assert [partners(pairing, *specs, copy)["leg_joint"] for copy in (0, 1)] == ["leg_joint", "leg_left_joint"]
+    assert [copy.shift for copy in pairing.copies] == [{"hinge_y2": -0.2}, {"hinge_y2": 0.2}]
+    driven = np.array(match.action_weight) != 0
+    np.testing.assert_array_equal(driven, np.eye(6, dtype=bool))
+    assert matched(HOPPER, WALKER, limbs="one")[1].copies == 1
+
+
+def test_two_legs_share_one_and_it_gets_the_mean_of_their_actions():
+    pairing, match, *specs = matched(WALKER, HOPPER)
+    assert partners(pairing, *specs)["thigh_joint"] == partners(pairing, *specs)["thigh_left_joint"] == "thigh_joint"
+    left, right = np.array(match.action_weight)[:, :3], np.array(match.action_weight)[:, 3:]
+    np.testing.assert_array_equal(left, right)
+    assert coverage(match, specs[0]) == (1.0, 1.0)
+
+
+def test_what_stands_keeps_its_torque_for_weight_and_length_and_what_swings_its_acceleration():
+    source, target = derive_spec(HOPPER), derive_spec(WALKER)
+    pairing = pair(source, target)
+    weights = [sum(j.mass for j in spec.joints if j.parent is None) for spec in (source, target)]
+    assert pairing.forces == "load"
+    assert pairing.length == pytest.approx(1.0)  # thigh and leg are 0.45 m and 0.5 m in both
+    assert pairing.copies[0].actions["drive.hinge_y2"]["drive.hinge_y2"] == pytest.approx(200 / 100 * weights[1] / weights[0])
+    assert pair(source, target, forces="acceleration").copies[0].actions["drive.hinge_y2"]["drive.hinge_y2"] < 0.2  # armature
+    assert matched(ONE, CARTPOLE)[0].forces == "acceleration"
+
+
+def test_an_action_lasts_as_long_as_one_of_the_source():
+    assert matched(CHEETAH, DM_CHEETAH)[0].hold == 5  # 0.05 s in steps of 0.01 s
+    assert matched(DM_CHEETAH, CHEETAH)[0].hold == 1
+
+
+def test_the_way_back_turns_an_angle_into_its_sine_and_cosine():
+    pairing, match, *_ = matched(CARTPOLE, ONE)
+    assert match.form == ("linear", "cos", "sin", "linear", "linear")
+    assert pairing.length == pytest.approx(5 / 3, rel=1e-4)
+
+
+def test_hanging_is_not_upright():
+    """Pendulums only match where the load rests on the same side of the hinge."""
+    source = derive_spec(ONE)
+    hanging = [joint if joint.type == "slide" else replace(joint, rest=(0.0, 0.0, -1.0)) for joint in source.joints]
+    assert list(pair(source, replace(source, joints=tuple(hanging))).copies[0].joints) == ["slide_x"]
+
+
+@pytest.mark.parametrize("source", [ONE, "dm_control/pendulum-swingup-v0"])
+def test_no_action_of_a_pole_means_anything_on_a_hopper(source):
+    assert not matched(source, HOPPER)[1].holds
+
+
+def test_what_is_not_matched_is_said_with_the_reason():
+    _, match, source, target = matched(TWO, ONE)
+    text = explain(match, source, target)
+    assert "joint hinge_y2 (hinge2) = not matched: nothing like it is left" in text
+    assert "core input hinge_y2.velocity = not matched: nothing is matched with hinge_y2" in text
+    assert "core input observation[8] = not matched: force, which is the same only in the same mechanism" in text
+    text = explain(*matched(HOPPER, WALKER)[1:])
+    assert "action drive.hinge_y7 = +2.993 drive.hinge_y4[2]" in text

@@ -1,0 +1,25 @@
+"""What of a target means what a core's numbers mean: which joint is which, and how to compute one from the other."""
+
+from transferkit.matching.earlier import earlier_match
+from transferkit.matching.explain import coverage, explain
+from transferkit.matching.make import match_for
+from transferkit.matching.match import Match, angle_pairs, compiled, padded
+from transferkit.matching.pair import pair
+from transferkit.pairing import Angles, Copy, Forces, Limbs, Pairing
+
+__all__ = [
+    "Angles",
+    "Copy",
+    "Forces",
+    "Limbs",
+    "Match",
+    "Pairing",
+    "angle_pairs",
+    "compiled",
+    "coverage",
+    "earlier_match",
+    "explain",
+    "match_for",
+    "padded",
+    "pair",
+]

@@ -1,0 +1,219 @@
+"""Which joint of a target stands for which of a source: the alignment of their kinematic trees that costs least.
+
+A joint may stand for one of the same type about a parallel axis, whose load does not rest on the other side: upright never
+stands for hanging. What hangs on a joint stands for what hangs on its partner, and joints may be left out on either side, at a
+price. Disjoint limbs stand for disjoint limbs (the constrained edit distance of unordered trees, Zhang 1996), so the least
+cost is found exactly, by assignments of limbs to limbs (`scipy.optimize.linear_sum_assignment`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from transferkit.matching.tree import below, kinematic_tree, parallel
+
+if TYPE_CHECKING:
+    from transferkit.matching.tree import Tree
+    from transferkit.spec import IOSpec, Joint
+
+GAP = 1.0
+"""Price of a joint that is left out."""
+
+LIKE = 0.5
+"""A limb is like another if to align them costs at most this share of leaving both out."""
+
+WEIGHTS = {"rest": 0.5, "length": 0.2, "mass": 0.1, "range": 0.3, "driven": 0.3, "strength": 0.1, "place": 0.5, "name": 0.01}
+"""Price of each kind of difference between two joints, for a difference of one. Joints that may stand for each other and differ
+in nearly all of them still cost less than two gaps."""
+
+FARTHEST = 0.8
+"""Largest difference of where two loads rest, as one minus the cosine of the angle between them."""
+
+LARGEST = 2.0
+"""Bound of the logarithms of ratios."""
+
+
+class Alignment(NamedTuple):
+    """What stands for what, and what it costs."""
+
+    cost: float
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Feature:
+    """What is compared of a joint; what is not known is NaN."""
+
+    joint: Joint
+    length: float
+    """Of the longest in its spec."""
+    mass: float
+    """Of the heaviest load in its spec."""
+    torque: float
+    """Of the strongest in its spec, with the actuators of one joint together; 0 if it is not driven."""
+    place: float
+    """0 at the world, 1 at a joint that carries none: the share of the way between, in metres where they are known."""
+    order: float
+    """Between 0 and 1: only what is alike in everything else is taken in order."""
+
+
+def align(source: IOSpec, target: IOSpec) -> Alignment:
+    """Find the alignment of two specs' joints that costs least."""
+    return Aligner(source, target).of(None, None)
+
+
+class Aligner:
+    """Alignments of parts of two kinematic trees."""
+
+    def __init__(self, source: IOSpec, target: IOSpec) -> None:
+        self.trees = kinematic_tree(source.joints), kinematic_tree(target.joints)
+        self._features = _features(source, self.trees[0]), _features(target, self.trees[1])
+        self._sizes = [{name: len(below(tree, name)) for name in tree if name} for tree in self.trees]
+        self.of = cache(self._forests)
+        self.limb = cache(self._trees)
+
+    def price(self, one: str, other: str) -> float:
+        """What it costs that one joint stands for another; infinite if it cannot."""
+        return difference(self._features[0][one], self._features[1][other])
+
+    def alike(self, one: str, other: str) -> bool:
+        """Whether two limbs are so much alike that one may stand for several."""
+        return self.limb(one, other).cost <= LIKE * GAP * (self._sizes[0][one] + self._sizes[1][other])
+
+    def drives(self, side: int, limb: str) -> bool:
+        """Whether anything of a limb of the source (0) or of the target (1) is driven."""
+        return any(self._features[side][name].torque > 0 for name in below(self.trees[side], limb))
+
+    def _trees(self, one: str, other: str) -> Alignment:
+        """Align a joint and all it carries with another and all it carries."""
+        inner = self.of(one, other)
+        both = Alignment(self.price(one, other) + inner.cost, ((one, other), *inner.pairs))
+        sizes = self._sizes[0][one], self._sizes[1][other]
+        skipped = [_plus(self.limb(child, other), GAP * (sizes[0] - self._sizes[0][child])) for child in self.trees[0][one]]
+        skipped += [_plus(self.limb(one, child), GAP * (sizes[1] - self._sizes[1][child])) for child in self.trees[1][other]]
+        return min([both, *skipped, Alignment(GAP * sum(sizes), ())], key=_cost)
+
+    def _forests(self, one: str | None, other: str | None) -> Alignment:
+        """Align what a joint carries with what another carries; None for the world."""
+        sides = self.trees[0][one], self.trees[1][other]
+        totals = [sum(self._sizes[side][child] for child in sides[side]) for side in (0, 1)]
+        nothing = Alignment(GAP * sum(totals), ())
+        if not all(sides):
+            return nothing
+        # All of one side may stand for what a single limb of the other carries.
+        deeper = [_plus(self.of(child, other), GAP * (totals[0] - self._sizes[0][child] + 1)) for child in sides[0]]
+        deeper += [_plus(self.of(one, child), GAP * (totals[1] - self._sizes[1][child] + 1)) for child in sides[1]]
+        return min([self._assigned(sides, nothing.cost), *deeper, nothing], key=_cost)
+
+    def _assigned(self, sides: tuple[tuple[str, ...], tuple[str, ...]], cost: float) -> Alignment:
+        """Assign limbs to limbs, each to one at most."""
+        found = [[self.limb(one, other) for other in sides[1]] for one in sides[0]]
+        gains = np.array(
+            [
+                [
+                    GAP * (self._sizes[0][one] + self._sizes[1][other]) - limb.cost
+                    for other, limb in zip(sides[1], row, strict=True)
+                ]
+                for one, row in zip(sides[0], found, strict=True)
+            ]
+        )
+        rows, columns = linear_sum_assignment(gains, maximize=True)
+        pairs = tuple(pair for i, j in zip(rows, columns, strict=True) for pair in found[i][j].pairs)
+        return Alignment(cost - float(gains[rows, columns].sum()), pairs)
+
+
+def difference(one: Feature, other: Feature) -> float:
+    """Price the differences between two joints; infinite if neither can stand for the other."""
+    if one.joint.type != other.joint.type or not parallel(one.joint, other.joint):
+        return math.inf
+    rest = _rest(one.joint, other.joint)
+    if rest > FARTHEST:
+        return math.inf
+    apart = {
+        "rest": rest,
+        "length": _ratio(one.length, other.length),
+        "mass": _ratio(one.mass, other.mass),
+        "range": _ratio(_width(one.joint), _width(other.joint)),
+        "driven": float((one.torque > 0) != (other.torque > 0)),
+        "strength": _ratio(one.torque, other.torque),
+        "place": abs(one.place - other.place),
+        "name": (one.joint.model_name != other.joint.model_name) + abs(one.order - other.order),
+    }
+    return sum(WEIGHTS[name] * value for name, value in apart.items())
+
+
+def _rest(one: Joint, other: Joint) -> float:
+    """How differently two loads rest, as one minus the cosine; what is balanced on its joint is at a right angle to others."""
+    if not any(one.rest) and not any(other.rest):
+        return 0.0
+    return 1.0 - float(np.dot(one.rest, other.rest))
+
+
+def _ratio(one: float, other: float) -> float:
+    """The size of the logarithm of a ratio; nothing of what is not there, or not known."""
+    return min(LARGEST, abs(math.log(one / other))) if one > 0 and other > 0 else 0.0
+
+
+def _width(joint: Joint) -> float:
+    if joint.range is None:
+        return 2 * math.pi if joint.type == "hinge" else 0.0
+    return joint.range[1] - joint.range[0]
+
+
+def _features(spec: IOSpec, tree: Tree) -> dict[str, Feature]:
+    torques = dict.fromkeys((joint.name for joint in spec.joints), 0.0)
+    for actuator in spec.action:
+        if actuator.joint is not None:
+            torques[actuator.joint] += abs(actuator.gear) * (actuator.high - actuator.low) / 2
+    places = _places(spec, tree)
+    lengths = _shares({joint.name: joint.length for joint in spec.joints})
+    masses, strengths = _shares({joint.name: joint.mass for joint in spec.joints}), _shares(torques)
+    return {
+        joint.name: Feature(
+            joint, lengths[joint.name], masses[joint.name], strengths[joint.name], places[joint.name], k / len(spec.joints)
+        )
+        for k, joint in enumerate(spec.joints)
+    }
+
+
+def _shares(values: Mapping[str, float]) -> dict[str, float]:
+    largest = max(values.values(), default=0.0)
+    return {name: value / largest if largest > 0 else 0.0 for name, value in values.items()}
+
+
+def _places(spec: IOSpec, tree: Tree) -> dict[str, float]:
+    """How far down each joint is on the longest way through it."""
+    anchors = {joint.name: joint.anchor for joint in spec.joints}
+    places: dict[str, float] = {}
+
+    def step(upper: str | None, lower: str) -> float:
+        one, other = anchors.get(str(upper)), anchors[lower]
+        return 0.0 if upper is None else 1.0 if one is None or other is None else math.dist(one, other)
+
+    def descend(upper: str | None, gone: float) -> float:
+        """Return the longest way from a joint down."""
+        ways = []
+        for name in tree[upper]:
+            way = step(upper, name)
+            further = descend(name, gone + way)
+            places[name] = (gone + way) / (gone + way + further) if gone + way + further else 0.0
+            ways.append(way + further)
+        return max(ways, default=0.0)
+
+    descend(None, 0.0)
+    return places
+
+
+def _plus(alignment: Alignment, cost: float) -> Alignment:
+    return Alignment(alignment.cost + cost, alignment.pairs)
+
+
+def _cost(alignment: Alignment) -> float:
+    return alignment.cost

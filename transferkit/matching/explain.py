@@ -1,0 +1,88 @@
+"""A match in words: what every core input and every action of the target was matched with, and what was not, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from transferkit.matching.match import FORMLESS
+
+if TYPE_CHECKING:
+    from transferkit.matching.match import Match
+    from transferkit.pairing import Combination, Copy, Pairing
+    from transferkit.spec import Element, IOSpec
+
+KEPT = {
+    "acceleration": "an action keeps the acceleration that it causes",
+    "load": "an action keeps its torque for the robot's weight and length",
+}
+
+
+def coverage(match: Match, source: IOSpec) -> tuple[float, float]:
+    """Compute the share of core inputs that mean something in the target, and of the core's actions that drive something."""
+    inputs = sum(form != "none" for form in match.form) / max(1, len(match.form))
+    driving = {k % source.act_dim for row in match.action_weight for k, weight in enumerate(row) if weight}
+    return inputs, len(driving) / max(1, source.act_dim)
+
+
+def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
+    """Write the scales, and one line for every joint, core input and target action of each copy of the core."""
+    lines = [] if match.pairing is None else [_scales(match.pairing)]
+    for k in range(match.copies):
+        if match.copies > 1:
+            lines.append(f"  copy {k + 1} of {match.copies}")
+        if match.pairing is not None:
+            lines += _joints(match.pairing.copies[k], source, target)
+        lines += _inputs(match, k, source, target)
+    return "\n".join([*lines, *_actions(match, source, target)])
+
+
+def _scales(pairing: Pairing) -> str:
+    held = f"; held for {pairing.hold} control steps" if pairing.hold > 1 else ""
+    return f"  lengths: the source's are {pairing.length:.3g} times the target's; {KEPT[pairing.forces]}{held}"
+
+
+def _joints(copy: Copy, source: IOSpec, target: IOSpec) -> list[str]:
+    own, others = ({joint.name: joint.model_name for joint in spec.joints} for spec in (source, target))
+    lines = []
+    for name, model_name in own.items():
+        reads = _terms({others[other]: share for other, share in copy.joints.get(name, {}).items()})
+        shift = f" {copy.shift[name]:+.4g}" if copy.shift.get(name) else ""
+        lines.append(f"  joint {name} ({model_name}) = {reads + shift if reads else 'not matched: nothing like it is left'}")
+    return lines
+
+
+def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec) -> list[str]:
+    names = [e.name for e in target.observation]
+    names += [f"atan2({names[s]}, {names[c]})" for s, c in zip(match.sin, match.cos, strict=True)]
+    first, lines = k * source.obs_dim, []
+    for i, element in enumerate(source.observation):
+        weight, bias, form = match.weight[first + i], match.bias[first + i], match.form[first + i]
+        terms = _terms({name: w for w, name in zip(weight, names, strict=True) if abs(w) > 1e-9})
+        value = terms + (f" {bias:+g}" if abs(bias) > 1e-9 else "")
+        reason = "" if match.pairing is None else f": {_why(element, match.pairing.copies[k].joints)}"
+        text = {"none": f"not matched{reason}", "linear": value}.get(form, f"{form}({value})")
+        lines.append(f"  core input {element.name} = {text}")
+    return lines
+
+
+def _why(element: Element, joints: Mapping[str, Combination]) -> str:
+    """Why nothing of the target means an element."""
+    if element.quantity in FORMLESS:
+        return f"{element.quantity}, which is the same only in the same mechanism"
+    if missing := [name for name in element.joints if name not in joints]:
+        return f"nothing is matched with {', '.join(missing)}"
+    return "the target does not observe it"
+
+
+def _actions(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
+    names = [f"{a.name}{f'[{k + 1}]' if match.copies > 1 else ''}" for k in range(match.copies) for a in source.action]
+    lines = []
+    for actuator, row in zip(target.action, match.action_weight, strict=True):
+        terms = _terms({name: w for w, name in zip(row, names, strict=True) if w})
+        lines.append(f"  action {actuator.name} = {terms or 'not matched: nothing of the core drives it'}")
+    return lines
+
+
+def _terms(combination: Mapping[str, float]) -> str:
+    return " ".join(f"{weight:+.4g} {name}" for name, weight in combination.items())

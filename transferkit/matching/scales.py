@@ -1,0 +1,94 @@
+"""How much longer, stronger and slower: the factors between two matched robots. Nothing of it is fitted.
+
+Motion is scaled by dynamic similarity (Froude): under the same gravity a mechanism `s` times as long moves alike when lengths
+scale with s, times with sqrt(s) and accelerations not at all. What swings freely keeps the acceleration that an action causes,
+with the length from its hinges to the load. What stands on its limbs keeps its torque for its weight and length, with the
+length of its limbs: the acceleration of a free limb says nothing of one that carries the robot.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from transferkit.pairing import Forces
+    from transferkit.spec import Actuator, IOSpec
+
+UPRIGHT = 0.99
+"""Least cosine between a slide and gravity of a robot that can fall."""
+
+
+def stands(spec: IOSpec) -> bool:
+    """Whether a robot carries its weight by its limbs: it can fall, and nothing drives it along gravity."""
+    driven = {actuator.joint for actuator in spec.action}
+    falls = [joint for joint in spec.joints if joint.type == "slide" and abs(joint.axis[2]) >= UPRIGHT]
+    return any(joint.name not in driven and joint.mass > 0 for joint in falls)
+
+
+def kept(forces: Forces, source: IOSpec, target: IOSpec) -> Literal["acceleration", "load"]:
+    """What the actions keep."""
+    carries = forces == "load" or (forces == "auto" and stands(source) and stands(target))
+    return "load" if carries and mass(source) > 0 and mass(target) > 0 else "acceleration"
+
+
+def length_scale(source: IOSpec, target: IOSpec, pairs: dict[str, str], *, limbs: bool) -> float:
+    """Take the geometric mean over the matched hinges: of the ways between them for limbs, else to what they carry."""
+    ratios = _link_ratios(source, target, pairs) if limbs else []
+    ratios = ratios or _load_ratios(source, target, pairs)
+    return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
+
+
+def _load_ratios(source: IOSpec, target: IOSpec, pairs: dict[str, str]) -> list[float]:
+    lengths = {joint.name: joint.length for joint in target.joints}
+    both = [(joint.length, lengths[pairs[joint.name]]) for joint in source.joints if joint.name in pairs]
+    return [own / other for own, other in both if own > 0 and other > 0]
+
+
+def _link_ratios(source: IOSpec, target: IOSpec, pairs: dict[str, str]) -> list[float]:
+    """Compare the ways from each matched hinge up to the next one that is matched."""
+    joints, anchors = {j.name: j for j in source.joints}, {j.name: j.anchor for j in target.joints}
+    ratios = []
+    for joint in source.joints:
+        upper = joint.parent
+        while upper is not None and upper not in pairs:
+            upper = joints[upper].parent
+        if joint.name not in pairs or upper is None or not joint.type == joints[upper].type == "hinge":
+            continue
+        ways = [_way(joint.anchor, joints[upper].anchor), _way(anchors[pairs[joint.name]], anchors[pairs[upper]])]
+        if min(ways) > 1e-3:
+            ratios.append(ways[0] / ways[1])
+    return ratios
+
+
+def _way(one: Sequence[float] | None, other: Sequence[float] | None) -> float:
+    return 0.0 if one is None or other is None else math.dist(one, other)
+
+
+def similarity(quantity: str, joint_type: str, scale: float) -> float:
+    """Divide the source's value by the target's in similar motion."""
+    length, time = (scale if joint_type == "slide" else 1.0), scale**0.5
+    return length / time if quantity == "velocity" else length
+
+
+def hold_steps(source: IOSpec, target: IOSpec, scale: float) -> int:
+    """Control steps of the target that last as long as one of the source, in similar motion; at least one."""
+    if not source.time_step or not target.time_step:
+        return 1
+    return max(1, round(source.time_step / scale**0.5 / target.time_step))
+
+
+def strength(actuator: Actuator, length: float, mass: float | None) -> float:
+    """What an action of 1 does to a robot of this length and mass, free of both: its acceleration, or with a mass its force."""
+    lever = length if actuator.unit == "N m" else 1.0
+    if mass is None:
+        return actuator.authority * lever  # angular accelerations scale with 1 / length
+    return actuator.gear * (actuator.high - actuator.low) / 2 / (mass * lever)
+
+
+def mass(spec: IOSpec) -> float:
+    """The mass of a whole robot, in kilograms; 0 if it is not known."""
+    return sum(joint.mass for joint in spec.joints if joint.parent is None)

@@ -1,0 +1,58 @@
+"""The decisions of a match, as data that a person may read, edit and hand back: what reads what, and what drives what."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+Limbs = Literal["one", "all"]
+"""Whether one limb of the source drives one limb of the target, or all that are like it."""
+
+Angles = Literal["own", "carried"]
+"""Whether a hinge whose partner carries more hinges than it does reads the partner's own angle, or that of all it carries."""
+
+Forces = Literal["auto", "acceleration", "load"]
+"""What an action keeps: the acceleration that it causes, or the torque for the weight and length of the robot; auto takes the
+load where both robots stand on their limbs."""
+
+Combination = dict[str, float]
+"""Coefficients by name."""
+
+
+@dataclass(frozen=True)
+class Copy:
+    """One copy of the core on the target."""
+
+    joints: dict[str, Combination]
+    """What each source joint that is matched reads: target joints, with signs."""
+    actions: dict[str, Combination]
+    """What drives each target actuator: source actuators, with the factors of their actions."""
+    shift: Combination = field(default_factory=dict)
+    """Metres or radians that are added to what a source joint reads."""
+    inputs: dict[str, Combination] = field(default_factory=dict)
+    """Core inputs that are read from elements of the target's observation, by name, whatever the joints say."""
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """How a core stands on a target; everything else of a match follows from it and the two specs."""
+
+    source: str
+    """Environment of the core."""
+    target: str
+    length: float
+    """Lengths of the source over those of the target."""
+    hold: int
+    """Control steps of the target for which an action is held."""
+    forces: Literal["acceleration", "load"]
+    """How the factors of the actions were found."""
+    copies: tuple[Copy, ...]
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.length) and self.length > 0):
+            raise ValueError(f"its length is {self.length}, and must be greater than 0")
+        if not 1 <= self.hold <= 10_000:
+            raise ValueError(f"its hold is {self.hold} control steps, and must be between 1 and 10,000")
+        if not 1 <= len(self.copies) <= 64:
+            raise ValueError(f"it has {len(self.copies)} copies, and must have 1 to 64")
