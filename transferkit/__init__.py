@@ -37,12 +37,16 @@ if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
     from transferkit.export import export_onnx as export_onnx
+    from transferkit.matching import load_match as load_match
+    from transferkit.matching import save_match as save_match
+    from transferkit.pairing import Pairing as Pairing
     from transferkit.policy.base import Policy as Policy
     from transferkit.policy.core import Core as Core
     from transferkit.policy.health import Health as Health
     from transferkit.policy.health import health as health
     from transferkit.policy.make import scratch_policy as scratch_policy
     from transferkit.policy.make import wrap as wrap
+    from transferkit.policy.matches import match as match
     from transferkit.policy.saved import load_policy as load_policy
     from transferkit.record.play import Subject as Subject
     from transferkit.record.play import record_episodes as record_episodes
@@ -88,10 +92,13 @@ _HOMES = {
     ),
     "evaluation": ("Evaluation", "evaluate"),
     "export": ("export_onnx",),
+    "matching": ("load_match", "save_match"),
+    "pairing": ("Pairing",),
     "policy.base": ("Policy",),
     "policy.core": ("Core",),
     "policy.health": ("Health", "health"),
     "policy.make": ("scratch_policy", "wrap"),
+    "policy.matches": ("match",),
     "policy.saved": ("load_policy",),
     "record.play": ("Subject", "record_episodes"),
     "record.reader": ("read_transitions",),

@@ -107,6 +107,7 @@ def _properties(subject: Subject, spec: IOSpec, low: Tensor, high: Tensor) -> di
         "action_low": json.dumps(low.tolist()),
         "action_high": json.dumps(high.tolist()),
         "time_step": json.dumps(spec.time_step),
+        "hold": json.dumps(subject.policy.hold),
         "versions": json.dumps(versions()),
         "source": json.dumps(subject.about),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, dataclass
@@ -18,6 +19,7 @@ from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_wri
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
+from transferkit.policy.blueprints import Sandwiched, plan_of
 from transferkit.policy.saved import as_saved, state_of
 from transferkit.record.experience import load_experience
 from transferkit.record.play import Subject, record_evaluation
@@ -38,6 +40,7 @@ from transferkit.trainers.compilation import check_compiler, is_compiled
 from transferkit.trainers.make import make_trainer
 
 if TYPE_CHECKING:
+    from transferkit.matching import Match
     from transferkit.policy.base import Policy
     from transferkit.policy.core import Core
     from transferkit.record.reader import Transitions
@@ -110,7 +113,8 @@ class Job:
         recorded = read_record(self.out)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
         with damaged_run(self.out / RECORD):
-            before["policy"] = migrated_blueprint(read_beside(recorded).policy)
+            before["policy"] = _complete(migrated_blueprint(read_beside(recorded).policy))
+        made_of = {name: _known(value, before.get(name, value)) for name, value in made_of.items()}
         check_same(self.out, _but_budget(before), _but_budget(identity(self.config) | made_of))
         return RunDirectory.resume(self.out, self._budget())
 
@@ -126,7 +130,7 @@ class Job:
         """Make as many environments as the trainer steps."""
         made = [self.make_env() for _ in range(trainer.num_envs)]
         seed_of = partial(Streams(self.config.seed).integer, "environment")
-        return VectorEnv(made, seed_of, overrun_steps=trainer.overrun_steps)
+        return VectorEnv(made, seed_of, overrun_steps=trainer.overrun_steps, hold=trainer.hold)
 
     def session(self, directory: RunDirectory, trainer: Trainer, report: Report | None) -> Session:
         """Make the session that counts the run's experience."""
@@ -174,6 +178,37 @@ class Job:
 
 def _but_budget(facts: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in facts.items() if name not in KINDS}
+
+
+def match_of(run: Path) -> Match | None:
+    """The match with which the policy of a run in progress began; None if there is no run, or none was used.
+
+    Raises:
+        RunDirectoryError: its record is damaged.
+    """
+    if not (run / RECORD).exists():
+        return None
+    with damaged_run(run / RECORD):
+        plan = plan_of(read_beside(read_record(run)).policy)
+        return plan.matched() if isinstance(plan, Sandwiched) else None
+
+
+def _complete(blueprint: Mapping[str, Any]) -> dict[str, Any]:
+    """A recorded blueprint with the match that earlier versions did not keep."""
+    if blueprint.get("kind") != "sandwich" or "match" in blueprint:
+        return dict(blueprint)
+    plan = plan_of(blueprint)
+    match = plan.matched() if isinstance(plan, Sandwiched) else None
+    return {**blueprint, "match": match and json.loads(json.dumps(asdict(match)))}
+
+
+def _known(value: object, recorded: object) -> object:
+    """What an earlier version would have recorded of a value: specs have fields that it did not know."""
+    if isinstance(value, Mapping) and isinstance(recorded, Mapping):
+        return {name: _known(inner, recorded[name]) for name, inner in value.items() if name in recorded}
+    if isinstance(value, list | tuple) and isinstance(recorded, list) and len(value) == len(recorded):
+        return [_known(inner, own) for inner, own in zip(value, recorded, strict=True)]
+    return value
 
 
 def _device(name: str) -> torch.device:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -24,9 +25,9 @@ Combination = dict[str, float]
 class Copy:
     """One copy of the core on the target."""
 
-    joints: dict[str, Combination]
+    joints: dict[str, Combination] = field(default_factory=dict)
     """What each source joint that is matched reads: target joints, with signs."""
-    actions: dict[str, Combination]
+    actions: dict[str, Combination] = field(default_factory=dict)
     """What drives each target actuator: source actuators, with the factors of their actions."""
     shift: Combination = field(default_factory=dict)
     """Metres or radians that are added to what a source joint reads."""
@@ -41,18 +42,25 @@ class Pairing:
     source: str
     """Environment of the core."""
     target: str
-    length: float
-    """Lengths of the source over those of the target."""
-    hold: int
-    """Control steps of the target for which an action is held."""
-    forces: Literal["acceleration", "load"]
-    """How the factors of the actions were found."""
     copies: tuple[Copy, ...]
+    length: float = 1.0
+    """Lengths of the source over those of the target."""
+    hold: int = 1
+    """Control steps of the target for which an action is held."""
+    forces: Literal["acceleration", "load"] = "acceleration"
+    """How the factors of the actions were found."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.length) and self.length > 0):
             raise ValueError(f"its length is {self.length}, and must be greater than 0")
         if not 1 <= self.hold <= 10_000:
             raise ValueError(f"its hold is {self.hold} control steps, and must be between 1 and 10,000")
+        numbers = (x for copy in self.copies for part in vars(copy).values() for one in part.values() for x in _numbers(one))
+        if not all(map(math.isfinite, numbers)):
+            raise ValueError("its numbers must be finite")
         if not 1 <= len(self.copies) <= 64:
             raise ValueError(f"it has {len(self.copies)} copies, and must have 1 to 64")
+
+
+def _numbers(value: float | Combination) -> Iterable[float]:
+    return value.values() if isinstance(value, dict) else (value,)

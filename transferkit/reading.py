@@ -81,11 +81,29 @@ def parse_toml(data: bytes, kind: type[T]) -> T:
         raise FormatError(f"not TOML: {str(error) or 'nested too deeply'}") from None
     if _deeper(value, DEEPEST):
         raise FormatError("its values are nested too deeply")
-    if dataclasses.is_dataclass(kind):
-        known = [field.name for field in dataclasses.fields(kind)]
-        if strangers := sorted(value.keys() - set(known)):
-            raise FormatError(f"unknown {strangers[0]}; known are {', '.join(known)}")
-    return typed(value, kind)
+    return _strict(value, kind)
+
+
+def parse_yaml(data: bytes, kind: type[T]) -> T:
+    """Read YAML, or JSON, as a value of this type, which has a field for every key; nothing in it refers to something else.
+
+    Raises:
+        FormatError: it is neither, a key is unknown, or a value has another type.
+    """
+    import yaml  # noqa: PLC0415 - most formats are none
+
+    try:
+        text = data.decode("utf-8-sig")
+        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
+            raise FormatError("it has references, which are not read")
+        value = yaml.safe_load(text)
+    except FormatError:
+        raise
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise FormatError(f"not YAML: {' '.join(str(error).split()) or 'nested too deeply'}") from None
+    if _deeper(value, DEEPEST):
+        raise FormatError("its values are nested too deeply")
+    return _strict(value, kind)
 
 
 def typed(value: object, kind: type[T]) -> T:
@@ -98,6 +116,26 @@ def typed(value: object, kind: type[T]) -> T:
         return msgspec.convert(value, kind)
     except (msgspec.MsgspecError, ValueError, OverflowError) as error:
         raise FormatError(f"{error}") from None
+
+
+def _strict(value: object, kind: type[T]) -> T:
+    """Take data as a value of this type, which has a field for every key."""
+    result = typed(value, kind)
+    _refuse_strangers(value, result)
+    return result
+
+
+def _refuse_strangers(value: object, result: object) -> None:
+    """Refuse keys that no field of a dataclass has taken, at any depth."""
+    if isinstance(value, dict) and dataclasses.is_dataclass(result):
+        known = [field.name for field in dataclasses.fields(result)]
+        if strangers := sorted(map(str, value.keys() - set(known))):
+            raise FormatError(f"unknown {strangers[0]}; known are {', '.join(known)}")
+        for name, inner in value.items():
+            _refuse_strangers(inner, getattr(result, name))
+    elif isinstance(value, list) and isinstance(result, tuple | list):
+        for inner, own in zip(value, result, strict=False):
+            _refuse_strangers(inner, own)
 
 
 def digest(data: Mapping[str, Any]) -> str:

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from transferkit.nn import Value
     from transferkit.policy.base import Policy
     from transferkit.policy.saved import Beside
+    from transferkit.spec import IOSpec
 
 
 def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = None, values: bool = True) -> Subject:
@@ -65,6 +66,15 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
         rules = TrainConfig.from_json(find_card(name).config).env_config
         return Subject(core.policy(member), home, value, **asdict(rules), about=about)
     return Subject(wrap(core, env, member=member), env, wrapped=True, about=about)
+
+
+def source_spec(name: str) -> IOSpec:
+    """The meaning of what a core takes and gives, or a finished run's policy.
+
+    Raises:
+        UnknownNameError: neither a run nor a core has this name.
+    """
+    return load_core(name).spec if (Path(name) / RECORD).exists() else find_card(name).source
 
 
 def _dims(policy: Policy) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from transferkit.budget import Budget
 from transferkit.config import TrainConfig, check_read, preset_family, with_settings
 from transferkit.config.checks import check_kind
 from transferkit.envs import copies_of, recorded
-from transferkit.job import Job
+from transferkit.job import Job, match_of
 from transferkit.nn import one_thread
 from transferkit.policy.base import Policy
 from transferkit.policy.make import new_policy
@@ -58,8 +58,9 @@ def run_training(
     check_kind("config", config, TrainConfig, "make one, such as TrainConfig('Hopper-v5', steps=10_000)")
     with one_thread():  # the fastest for small networks, and the only number that always gives the same bits
         core = None if config.core is None else load_core(config.core, env=config.env)
-        policy = policy or new_policy(config, core)
-        job = Job(config, policy, config.env, out or default_directory(config), core, record_every)
+        out = out or default_directory(config)
+        policy = policy or new_policy(config, core, match_of(out) if resume else None)
+        job = Job(config, policy, config.env, out, core, record_every)
         return _run(job, resume=resume, report=report)
 
 

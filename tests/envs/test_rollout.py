@@ -3,6 +3,7 @@ from collections import deque
 
 import gymnasium
 import numpy as np
+import pytest
 
 from tests.toys import Counter
 from transferkit.envs import NO_LIMIT, make_env, rollout
@@ -66,3 +67,12 @@ def test_a_time_limit_truncates_and_does_not_terminate():
 def test_an_episode_without_end_is_given_up():
     (last,) = deque(rollout(ZeroPolicy(1), [make_env(Counter(10**9))], lambda _: 0, episodes=1), maxlen=1)
     assert (last.step + 1, last.terminated, last.truncated) == (NO_LIMIT, False, True)
+
+
+def test_who_holds_an_action_is_asked_once_in_so_many_steps_of_each_episode():
+    actor = Actor()
+    actor.hold = 2
+    steps = list(play(actor, 3, 2, episodes=3))
+    by_episode = {k: [float(step.action[0]) for step in steps if step.episode == k] for k in range(3)}
+    assert by_episode == {0: pytest.approx([0, 0, 0.02]), 1: pytest.approx([0.1, 0.1]), 2: pytest.approx([0.2, 0.2])}
+    assert actor.asked == [2, 2]

@@ -49,3 +49,25 @@ def test_nan_stops_with_the_step():
     envs.step(np.zeros((1, 1), np.float32))
     with pytest.raises(NotFiniteError, match="Counter returned an observation or a reward with NaN or infinity in step 2"):
         envs.step(np.zeros((1, 1), np.float32))
+
+
+def test_a_held_action_is_one_step_of_their_summed_rewards_and_ends_with_its_episode():
+    envs = VectorEnv([make_env(Counter(5))], lambda _, episode: episode, hold=3)
+    envs.reset()
+    booked = []
+    first, second = (
+        envs.step(np.ones((1, 1), np.float32), lambda *given, **ends: booked.append((given, ends))) for _ in range(2)
+    )
+    assert (first.reward.tolist(), first.observation.tolist(), first.done.tolist()) == ([3.0], [[0, 3]], [False])
+    assert (second.reward.tolist(), second.final_observation.tolist(), second.terminated.tolist()) == ([2.0], [[0, 5]], [True])
+    assert second.observation.tolist() == [[1, 0]]
+    assert [given for given, _ in booked] == [(0, 1.0)] * 5
+    assert envs.state() == {"episode": [1], "actions": [[]]}
+
+
+def test_a_budget_can_end_within_a_held_action():
+    envs = VectorEnv([make_env(Counter(9)) for _ in range(2)], lambda i, _: i, hold=4)
+    envs.reset()
+    step = envs.step(np.zeros((2, 1), np.float32), lambda i, reward, **ends: envs.envs[0].unwrapped.t == 2)
+    assert step.reward.tolist() == [2.0]
+    assert [env.unwrapped.t for env in envs.envs] == [2, 0]

@@ -6,9 +6,9 @@ import pytest
 import torch
 from torch import nn
 
+from transferkit.matching import Match
 from transferkit.nn import Normalizer
 from transferkit.policy.adapters import InputAdapter, output_adapter
-from transferkit.matching import Match
 from transferkit.streams import Streams
 
 OBSERVATION = torch.tensor([[3.0, 0.6, 0.8]])

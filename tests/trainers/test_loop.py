@@ -18,7 +18,7 @@ class Adder:
     """Takes one step an advance, and has metrics after every third; `total` weighs observations by the time they are seen."""
 
     num_envs = 1
-    overrun_steps = 0
+    overrun_steps, hold = 0, 1
 
     def __init__(self, nan_at=None):
         self.total, self.advances, self.nan_at = torch.zeros(2), 0, nan_at

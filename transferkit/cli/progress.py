@@ -62,6 +62,21 @@ def evaluation_progress(episodes: int) -> Callable[[int, int], None]:
     return report
 
 
+def search_progress() -> Callable[[int, int], None]:
+    """A report of how many of several things are done, on a line now and then."""
+    started = last = time.monotonic()
+
+    def report(done: int, total: int) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= EVALUATION_SECONDS and done < total:
+            last = now
+            left = (now - started) * (total - done) / done
+            print(f"{done} of {total} cores played, {left:.0f} s left", file=sys.stderr, flush=True)
+
+    return report
+
+
 def _plain(label: str, budget: Budget) -> Report:
     last = time.monotonic()
 

@@ -13,6 +13,7 @@ MORE = {
     "flags": "`--help` explains the flags",
     "installation": "`transferkit doctor` checks the installation",
     "mappings": "docs/recordings.md has an example",
+    "matches": "`transferkit match CORE ENV` shows one",
     "recordings": "`transferkit record` makes recordings",
     "variations": "docs/own_environment.md lists the variations",
     "verification": "`transferkit zoo verify ID` checks a core",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
+from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
 from transferkit.cli.answer import Answer, parser
@@ -15,23 +17,27 @@ from transferkit.table import format_table
 from transferkit.zoo.catalog import core_folders, find_card, list_cards
 
 if TYPE_CHECKING:
+    from transferkit.errors import ArtifactError
     from transferkit.zoo.card import Card
 
 
 def main(arguments: Sequence[str]) -> Answer:
-    """List, show or verify cores."""
+    """List, show, find or verify cores."""
     flags = parser("zoo", "The cores that can be wrapped onto an environment.")
     actions = flags.add_subparsers(dest="action", required=True)
     actions.add_parser("list", help="one line a core")
     show = actions.add_parser("show", help="everything about a core")
     show.add_argument("id")
+    find = actions.add_parser("find", help="which cores an environment can represent, the one it represents most of first")
+    add_environment(find, "the environment", name="env")
+    find.add_argument("--play", action="store_true", help="also play each untrained, beside zero action")
     verify = actions.add_parser("verify", help="check hashes, schema and probe outputs")
     verify.add_argument("ids", nargs="*", metavar="ID")
     verify.add_argument("--all", action="store_true", help="every core of the zoo")
     add_environment(verify, "with --rollout: the source environment, if no id makes it again or its module may be run")
     verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source, against the card")
     options = flags.parse_args(arguments)
-    return {"list": _list, "show": _show, "verify": _verify}[options.action](options)
+    return {"list": _list, "show": _show, "find": _find, "verify": _verify}[options.action](options)
 
 
 def summary(card: Card) -> dict[str, Any]:
@@ -54,8 +60,7 @@ def _list(options: argparse.Namespace) -> Answer:
     del options
     cards, errors = list_cards()
     rows = [summary(card) for card in cards]
-    for error in errors:
-        print(f"transferkit: not listed: {worded(error)}", file=sys.stderr)
+    _say_errors(errors)
     header = ("id", "source", "obs", "act", "components", "members", "score", "95 % interval", "threshold")
     table = [
         (
@@ -79,6 +84,32 @@ def _show(options: argparse.Namespace) -> Answer:
 
     card = find_card(options.id)
     return Answer(card.to_json(), render(card))
+
+
+def _find(options: argparse.Namespace) -> Answer:
+    from transferkit.cli.progress import search_progress  # noqa: PLC0415
+    from transferkit.zoo.find import find_cores, play_found  # noqa: PLC0415 - torch takes seconds to import
+
+    env = str(environment(options))
+    found, errors = find_cores(env)
+    _say_errors(errors)
+    if not found:
+        return Answer([], f"nothing crosses: {env} represents no input and action of any core")
+    header = ["id", "source", "inputs", "actions", "hold", "limbs"]
+    table = [[one.core, one.source, f"{one.inputs:.0%}", f"{one.actions:.0%}", one.hold, one.copies] for one in found]
+    data = [asdict(one) for one in found]
+    if options.play:
+        header += ["untrained", "zero action", "episodes above it"]
+        played = play_found(found, env, report=search_progress())
+        scores = [(f"{fmean(one.returns):.1f}", f"{fmean(one.zero):.1f}", f"{one.better} of {len(one.zero)}") for one in played]
+        table = [[*row, *more] for row, more in zip(table, scores, strict=True)]
+        data = [{**row, **asdict(one)} for row, one in zip(data, played, strict=True)]
+    return Answer(data, format_table(header, table))
+
+
+def _say_errors(errors: Sequence[ArtifactError]) -> None:
+    for error in errors:
+        print(f"transferkit: not listed: {worded(error)}", file=sys.stderr)
 
 
 def _verify(options: argparse.Namespace) -> Answer:

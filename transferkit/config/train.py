@@ -30,6 +30,7 @@ DETERMINED_BY = (
     "stop_at",
     "experience",
     "mapping",
+    "match",
 )
 """Fields besides the settings that determine a run's numbers."""
 
@@ -47,6 +48,8 @@ class TrainConfig:
     """Core id or folder, or the directory of a finished run; None trains from scratch."""
     member: Annotated[int, NOT_NEGATIVE] = 0
     """Which of the core's source seeds."""
+    match: str | None = None
+    """File of a match of the core and the environment, from `transferkit match`, in place of the one that is found."""
     algo: Algorithm = "ppo"
     """Trainer."""
     preset: str = "default"
@@ -174,6 +177,8 @@ def check_read(config: TrainConfig, names: Iterable[str], *, ready: bool = False
     """
     if config.member and config.core is None:
         raise ConfigError(f"{{member={config.member}}} has no effect without a core", remedy="give {core}, or leave it out")
+    if config.match and config.core is None:
+        raise ConfigError(f"{{match={config.match}}} has no effect without a core", remedy="give {core}, or leave it out")
     for name in names:
         section, _, key = name.partition(".")
         if section not in USED[config.algo]:

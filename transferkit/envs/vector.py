@@ -52,13 +52,19 @@ class VectorEnv:
     """Environments under `make_env`'s contract, stepped one after the other, reset in the step that ends an episode."""
 
     def __init__(
-        self, envs: Sequence[gymnasium.Env], episode_seed: Callable[[int, int], int], *, overrun_steps: int = 0
+        self,
+        envs: Sequence[gymnasium.Env],
+        episode_seed: Callable[[int, int], int],
+        *,
+        overrun_steps: int = 0,
+        hold: int = 1,
     ) -> None:
         """Take the environments and `episode_seed(env_index, episode_index)`, the seed each episode starts from.
 
+        An action is held for `hold` control steps, or to the end of the episode, and its reward is their sum.
         In its first `overrun_steps` the first episode of an environment goes on after its end, as in the paper's code.
         """
-        self._overrun_steps = overrun_steps
+        self._overrun_steps, self._hold = overrun_steps, hold
         self.envs = list(envs)
         self.num_envs = len(self.envs)
         self._episode_seed = episode_seed
@@ -72,24 +78,17 @@ class VectorEnv:
     def step(self, actions: NDArray[np.float32], count: Count | None = None) -> Step:
         """Step the environments in order with actions `(num_envs, act_dim)`.
 
-        `count` is called after each single environment step; once it returns True the environments behind it are left as
-        they are, and the result has that many fewer rows.
+        `count` is called after each single environment step; once it returns True this environment and those behind it are left
+        as they are, and the result has that many fewer rows.
 
         Raises:
             NotFiniteError, EnvironmentContractError: an environment returned what it must not.
         """
         rows = []
         for i, action in enumerate(actions):
-            observation, reward, terminated, truncated, _ = self.envs[i].step(action)
-            self._actions[i].append(action.copy())
-            truncated = bool(truncated and not terminated)
-            held = self._episode[i] == 0 and len(self._actions[i]) < self._overrun_steps
-            done = (bool(terminated) or truncated) and not held
-            following = self._start(i, self._episode[i] + 1) if done else observation
-            rows.append((following, reward, bool(terminated), truncated, observation))
-            if count is not None and count(
-                i, float(reward), terminated=done and bool(terminated), truncated=done and truncated
-            ):
+            row, over = self._held(i, action, count)
+            rows.append(row)
+            if over:
                 break
         following, reward, terminated, truncated, final = zip(*rows, strict=True)
         return Step(
@@ -129,6 +128,24 @@ class VectorEnv:
         """Close every environment."""
         for env in self.envs:
             env.close()
+
+    def _held(self, i: int, action: NDArray[np.float32], count: Count | None) -> tuple[tuple[Any, ...], bool]:
+        """Step one environment for as long as an action is held; returns what came of it, and whether the budget is reached."""
+        total, steps = 0.0, 0
+        while True:
+            observation, reward, terminated, truncated, _ = self.envs[i].step(action)
+            self._actions[i].append(action.copy())
+            terminated, total, steps = bool(terminated), total + float(reward), steps + 1
+            truncated = bool(truncated and not terminated)
+            overruns = self._episode[i] == 0 and len(self._actions[i]) < self._overrun_steps
+            done = (terminated or truncated) and not overruns
+            following = self._start(i, self._episode[i] + 1) if done else observation
+            row = following, total, terminated, truncated, observation
+            ends = {"terminated": done and terminated, "truncated": done and truncated}
+            over = count is not None and count(i, float(reward), **ends)
+            if over or done or steps == self._hold:
+                return row, over
+        raise AssertionError
 
     def _start(self, index: int, episode: int) -> NDArray[np.float32]:
         self._episode[index] = episode

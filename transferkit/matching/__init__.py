@@ -2,7 +2,8 @@
 
 from transferkit.matching.earlier import earlier_match
 from transferkit.matching.explain import coverage, explain
-from transferkit.matching.make import match_for
+from transferkit.matching.files import as_plain, check_match, load_match, save_match
+from transferkit.matching.make import find_pairing, match_for
 from transferkit.matching.match import Match, angle_pairs, compiled, padded
 from transferkit.matching.pair import pair
 from transferkit.pairing import Angles, Copy, Forces, Limbs, Pairing
@@ -15,11 +16,16 @@ __all__ = [
     "Match",
     "Pairing",
     "angle_pairs",
+    "as_plain",
+    "check_match",
     "compiled",
     "coverage",
     "earlier_match",
     "explain",
+    "find_pairing",
+    "load_match",
     "match_for",
     "padded",
     "pair",
+    "save_match",
 ]

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 GAP = 1.0
 """Price of a joint that is left out."""
 
+BETWEEN = 0.3
+"""What it costs more if that joint carries some that are not left out."""
+
 LIKE = 0.5
 """A limb is like another if to align them costs at most this share of leaving both out."""
 
@@ -59,7 +62,7 @@ class Feature:
     torque: float
     """Of the strongest in its spec, with the actuators of one joint together; 0 if it is not driven."""
     place: float
-    """0 at the world, 1 at a joint that carries none: the share of the way between, in metres where they are known."""
+    """0 at the world, 1 at a joint that carries none: the share of the way between, in metres or else in joints."""
     order: float
     """Between 0 and 1: only what is alike in everything else is taken in order."""
 
@@ -74,7 +77,10 @@ class Aligner:
 
     def __init__(self, source: IOSpec, target: IOSpec) -> None:
         self.trees = kinematic_tree(source.joints), kinematic_tree(target.joints)
-        self._features = _features(source, self.trees[0]), _features(target, self.trees[1])
+        metric = all(joint.anchor is not None for joint in (*source.joints, *target.joints))
+        self._features = tuple(
+            _features(spec, tree, metric=metric) for spec, tree in zip((source, target), self.trees, strict=True)
+        )
         self._sizes = [{name: len(below(tree, name)) for name in tree if name} for tree in self.trees]
         self.of = cache(self._forests)
         self.limb = cache(self._trees)
@@ -96,8 +102,8 @@ class Aligner:
         inner = self.of(one, other)
         both = Alignment(self.price(one, other) + inner.cost, ((one, other), *inner.pairs))
         sizes = self._sizes[0][one], self._sizes[1][other]
-        skipped = [_plus(self.limb(child, other), GAP * (sizes[0] - self._sizes[0][child])) for child in self.trees[0][one]]
-        skipped += [_plus(self.limb(one, child), GAP * (sizes[1] - self._sizes[1][child])) for child in self.trees[1][other]]
+        skipped = [self._skip(self.limb(child, other), sizes[0] - self._sizes[0][child]) for child in self.trees[0][one]]
+        skipped += [self._skip(self.limb(one, child), sizes[1] - self._sizes[1][child]) for child in self.trees[1][other]]
         return min([both, *skipped, Alignment(GAP * sum(sizes), ())], key=_cost)
 
     def _forests(self, one: str | None, other: str | None) -> Alignment:
@@ -108,9 +114,13 @@ class Aligner:
         if not all(sides):
             return nothing
         # All of one side may stand for what a single limb of the other carries.
-        deeper = [_plus(self.of(child, other), GAP * (totals[0] - self._sizes[0][child] + 1)) for child in sides[0]]
-        deeper += [_plus(self.of(one, child), GAP * (totals[1] - self._sizes[1][child] + 1)) for child in sides[1]]
+        deeper = [self._skip(self.of(child, other), totals[0] - self._sizes[0][child] + 1) for child in sides[0]]
+        deeper += [self._skip(self.of(one, child), totals[1] - self._sizes[1][child] + 1) for child in sides[1]]
         return min([self._assigned(sides, nothing.cost), *deeper, nothing], key=_cost)
+
+    def _skip(self, alignment: Alignment, count: int) -> Alignment:
+        """Leave out so many joints more, one of which carries what is aligned."""
+        return Alignment(alignment.cost + GAP * count + BETWEEN, alignment.pairs)
 
     def _assigned(self, sides: tuple[tuple[str, ...], tuple[str, ...]], cost: float) -> Alignment:
         """Assign limbs to limbs, each to one at most."""
@@ -167,12 +177,12 @@ def _width(joint: Joint) -> float:
     return joint.range[1] - joint.range[0]
 
 
-def _features(spec: IOSpec, tree: Tree) -> dict[str, Feature]:
+def _features(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, Feature]:
     torques = dict.fromkeys((joint.name for joint in spec.joints), 0.0)
     for actuator in spec.action:
         if actuator.joint is not None:
             torques[actuator.joint] += abs(actuator.gear) * (actuator.high - actuator.low) / 2
-    places = _places(spec, tree)
+    places = _places(spec, tree, metric=metric)
     lengths = _shares({joint.name: joint.length for joint in spec.joints})
     masses, strengths = _shares({joint.name: joint.mass for joint in spec.joints}), _shares(torques)
     return {
@@ -188,14 +198,15 @@ def _shares(values: Mapping[str, float]) -> dict[str, float]:
     return {name: value / largest if largest > 0 else 0.0 for name, value in values.items()}
 
 
-def _places(spec: IOSpec, tree: Tree) -> dict[str, float]:
+def _places(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, float]:
     """How far down each joint is on the longest way through it."""
     anchors = {joint.name: joint.anchor for joint in spec.joints}
     places: dict[str, float] = {}
 
     def step(upper: str | None, lower: str) -> float:
-        one, other = anchors.get(str(upper)), anchors[lower]
-        return 0.0 if upper is None else 1.0 if one is None or other is None else math.dist(one, other)
+        if upper is None:
+            return 0.0
+        return math.dist(anchors[upper] or (), anchors[lower] or ()) if metric else 1.0
 
     def descend(upper: str | None, gone: float) -> float:
         """Return the longest way from a joint down."""
@@ -209,10 +220,6 @@ def _places(spec: IOSpec, tree: Tree) -> dict[str, float]:
 
     descend(None, 0.0)
     return places
-
-
-def _plus(alignment: Alignment, cost: float) -> Alignment:
-    return Alignment(alignment.cost + cost, alignment.pairs)
 
 
 def _cost(alignment: Alignment) -> float:

@@ -38,7 +38,7 @@ def earlier_match(source: IOSpec, target: IOSpec) -> Match:
     scale = length_scale(source, target, pairs, limbs=False)
     actions = Driver(source, target, scale, load=False).actions(pairs)
     copy = Copy({name: {partner: signs[name]} for name, partner in pairs.items()}, actions)
-    return compiled(Pairing(source.env_id, target.env_id, scale, 1, "acceleration", (copy,)), source, target)
+    return compiled(Pairing(source.env_id, target.env_id, (copy,), scale), source, target)
 
 
 def _fits(joint: Joint, candidate: Joint) -> bool:

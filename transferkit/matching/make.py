@@ -3,39 +3,63 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.errors import ConfigError
-from transferkit.matching.match import compiled, padded
+from transferkit.matching.files import check_match, load_match
+from transferkit.matching.match import Match, compiled, padded
 from transferkit.matching.pair import pair
+from transferkit.pairing import Pairing
 
 if TYPE_CHECKING:
     from transferkit.config import WrapConfig
-    from transferkit.matching.match import Match
-    from transferkit.pairing import Pairing
     from transferkit.spec import IOSpec
 
 
-def match_for(config: WrapConfig, source: IOSpec, target: IOSpec, pairing: Pairing | None = None) -> Match | None:
-    """Make the match that a sandwich's adapters start from, of a pairing if one is given; None for random adapters.
+def find_pairing(config: WrapConfig, source: IOSpec, target: IOSpec) -> Pairing:
+    """Pair a core's source with a target as a sandwich's settings say."""
+    found = pair(source, target, limbs=config.limbs, angles=config.angles, forces=config.forces, stagger=config.stagger)
+    return replace(found, hold=config.hold or found.hold)
+
+
+def match_for(
+    config: WrapConfig, source: IOSpec, target: IOSpec, given: str | Path | Pairing | Match | None = None
+) -> Match | None:
+    """Make the match that a sandwich's adapters start from; None for random adapters.
+
+    Args:
+        config: the sandwich's settings.
+        source: of the core.
+        target: of the environment.
+        given: a match in place of the one that is found, its pairing, or a file that holds one.
 
     Raises:
-        ConfigError: a semantic adapter, and nothing matches.
+        ConfigError: a semantic adapter or a match that is given, and nothing matches; or a match of something else.
+        UnknownNameError: the match names something that is not there.
     """
+    if given is not None and config.adapter not in ("auto", "semantic"):
+        raise ConfigError(f"{{match}} has no effect on {{wrap.adapter={config.adapter}}}", remedy="leave one of them out")
     if config.adapter == "random":
         return None
     if config.adapter == "pad":
         return padded(source, target)
-    if pairing is None:
-        options = {name: getattr(config, name) for name in ("limbs", "angles", "forces", "stagger")}
-        pairing = pair(source, target, **options)
-        pairing = replace(pairing, hold=config.hold or pairing.hold)
-    result = compiled(pairing, source, target)
+    result = given if isinstance(given, Match) else compiled(_pairing(config, source, target, given), source, target)
     if result.holds:
         return result
+    if given is not None:
+        raise ConfigError("nothing in the match gives an input and drives an action", topic="matches")
     if config.adapter == "semantic":
         raise ConfigError(
             f"{{wrap.adapter=semantic}}: nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
             remedy="use {wrap.adapter=random}",
         )
     return None
+
+
+def _pairing(config: WrapConfig, source: IOSpec, target: IOSpec, given: str | Path | Pairing | None) -> Pairing:
+    if given is None:
+        return find_pairing(config, source, target)
+    pairing = given if isinstance(given, Pairing) else load_match(given)
+    check_match(pairing, source, target)
+    return pairing

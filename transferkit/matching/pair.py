@@ -57,7 +57,7 @@ def pair(
         doubled = {one for one, other in pairs.items() if any(more.get(one) != other for more in every)}
         roots = [one for one in doubled if read.parents[0][one] not in doubled]
         copies.append(Copy(read.joints(pairs), drive.actions(own), dict.fromkeys(roots, apart) if apart else {}))
-    return Pairing(source.env_id, target.env_id, scale, hold_steps(source, target, scale), keeps, tuple(copies))
+    return Pairing(source.env_id, target.env_id, tuple(copies), scale, hold_steps(source, target, scale), keeps)
 
 
 def _shared(aligner: Aligner, pairs: Pairs) -> Pairs:

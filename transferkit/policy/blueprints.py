@@ -129,10 +129,14 @@ class Sandwiched(Paper):
         clip = isinstance(core, PolicyNet)  # what is composed clips by itself
         normalizer = Normalizer(self.source.obs_dim, clip=clip) if self.source_normalizer else None
         specs = self.source, self.target
-        return Sandwich(core, normalizer, specs, config, self._matched(), _generators(generator))
+        return Sandwich(core, normalizer, specs, config, self.matched(), _generators(generator))
 
-    def _matched(self) -> Match | None:
-        """Take the match that was kept, if it fits."""
+    def matched(self) -> Match | None:
+        """Take the match that was kept, or make it as earlier versions did.
+
+        Raises:
+            FormatError: it does not fit the specs.
+        """
         if self.adapter == "random":
             return None
         if self.match is None:

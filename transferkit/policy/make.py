@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -11,7 +12,7 @@ import torch
 from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_version
 from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec, dims_of
-from transferkit.errors import DimensionError, UnknownNameError
+from transferkit.errors import ConfigError, DimensionError, UnknownNameError
 from transferkit.matching import match_for
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
@@ -25,6 +26,8 @@ from transferkit.streams import Streams
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.envs import EnvLike
+    from transferkit.matching import Match
+    from transferkit.pairing import Pairing
     from transferkit.policy.base import Policy
     from transferkit.policy.composed import Composed
 
@@ -36,6 +39,7 @@ def wrap(
     preset: str = "default",
     config: WrapConfig | None = None,
     member: int = 0,
+    match: str | Path | Pairing | Match | None = None,
     seed: int = 0,
     **options: Any,  # noqa: ANN401 - the fields of WrapConfig
 ) -> Policy:
@@ -47,11 +51,13 @@ def wrap(
         preset: whose sandwich to build: `default`, `paper`, or a version of them, such as `default-v1`.
         config: all options at once, in place of the preset.
         member: which of the core's source seeds.
+        match: how the core stands on the target, in place of what is found: a file from `transferkit match`, perhaps edited, or
+            what `transferkit.match` returns.
         seed: of the random adapters.
         **options: any field of `WrapConfig`, over the preset: `tap`, `adapter`, `freeze`, `lr_scale`, `residual`, ...
 
     Raises:
-        UnknownNameError: an unknown option or preset, or a part that does not exist.
+        UnknownNameError: an unknown option or preset, a part that does not exist, or a name in the match that does not.
         ConfigError: something else than a core, a value out of its range, or `adapter="semantic"` if nothing matches.
         DimensionError: the core's card and its weights, or the paper's sandwich and the core, do not fit.
     """
@@ -65,15 +71,18 @@ def wrap(
     network, normalizer = core.network(member), core.normalizer(member)
     generators = {name: Streams(seed).torch(f"{name} initialisation") for name in SEEDED}
     if config.structure == "paper":
+        if match is not None:
+            raise ConfigError("{match} has no effect on {wrap.structure=paper}", remedy="leave one of them out")
         return PaperSandwich(network, (source, target), config, generators)
-    matched = match_for(config, source, target)
+    matched = match_for(config, source, target, match)
     return Sandwich(network, normalizer, (source, target), config, matched, generators, origin=Origin(core, member, matched))
 
 
-def new_policy(config: TrainConfig, core: Core | None) -> Policy:
-    """Make the policy that a configuration describes."""
+def new_policy(config: TrainConfig, core: Core | None, match: Match | None = None) -> Policy:
+    """Make the policy that a configuration describes; with the match that it began with, if it was made before."""
     if core is not None:
-        return wrap(core, config.env, config=config.wrap, member=config.member, seed=config.seed)
+        given = config.match if match is None else match
+        return wrap(core, config.env, config=config.wrap, member=config.member, match=given, seed=config.seed)
     return scratch_policy(config.env, config.network, seed=config.seed)
 
 

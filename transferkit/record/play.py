@@ -75,6 +75,7 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         "seed": seed,
         "episodes": episodes,
         "command": command(),
+        "hold": subject.policy.hold,
         **rules,
         **(subject.about or {}),
     }

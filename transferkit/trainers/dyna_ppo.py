@@ -58,7 +58,7 @@ class DynaPPOTrainer:
         self.model = make_dynamics(
             policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics
         ).to(device)
-        self.policy = policy.to(device)
+        self.policy, self.hold = policy.to(device), policy.hold
         ppo = replace(config.ppo, rollout="steps", rollout_steps=settings.rollouts * settings.horizon, num_envs=1)
         self.rule = RolloutRule(ppo, settings.rollouts)
         self.algorithm = PPO(
@@ -86,15 +86,15 @@ class DynaPPOTrainer:
             ConfigError: the budget ends before the model is fitted once, so that nothing would be learnt.
         """
         action = self.explore(observation)
+        every, before = self.config.model.every, session.spent.steps
         step = envs.step(action, session.count)
         self.buffer.add_step(observation, action.clip(-1.0, 1.0), step)
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
-        if session.spent.steps % self.config.model.every == 0:
+        if session.spent.steps // every > before // every:
             return step.observation, self.learn(session)
         if session.progress >= 1 and not self.fitted:
             raise ConfigError(
-                f"the budget ended after {session.spent.steps} steps, before dyna-ppo learnt anything: it learns every "
-                f"{self.config.model.every}",
+                f"the budget ended after {session.spent.steps} steps, before dyna-ppo learnt anything: it learns every {every}",
                 remedy="give it more {steps}, or a smaller {model.every}",
             )
         return step.observation, None

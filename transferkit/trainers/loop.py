@@ -30,6 +30,8 @@ class Trainer(Protocol):
     """Environments that it steps side by side."""
     overrun_steps: int
     """First steps in which an ended episode goes on; 0 but for the paper's DYNA-DDPG."""
+    hold: int
+    """Control steps for which the environments hold an action."""
 
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
         """Take experience, counted by the session, and learn from it.

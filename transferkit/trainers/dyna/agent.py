@@ -64,7 +64,7 @@ class Agent:
         self.average, self.critic, self.model, self.device = policy, critic, model, device
         self.policy = policy = self._copy(policy) if config.average_share else policy
         self.config, self.model_config = config, model_config
-        self.hold = 1 if policy.has_core else config.hold_steps(time_step)  # a core has learnt to act at a rate of its own
+        self.hold = policy.hold if policy.has_core else config.hold_steps(time_step)  # a core acts at the rate it learnt
         self.step_discount = config.discount(time_step)
         self.discount = self.step_discount**self.hold
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)

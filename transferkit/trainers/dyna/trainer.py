@@ -34,7 +34,7 @@ LOG_EVERY = 100
 class DynaTrainer:
     """Advances by one environment step and the updates that follow it."""
 
-    num_envs = 1
+    num_envs, hold = 1, 1  # what is held is held by the agent
 
     def __init__(
         self,

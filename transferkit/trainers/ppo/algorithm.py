@@ -74,7 +74,7 @@ class PPO(rsl_rl.algorithms.PPO):
             cast("Any", critic),
             storage,
             num_learning_epochs=config.epochs,
-            gamma=config.gamma,
+            gamma=config.gamma**policy.hold,
             lam=config.lam,
             learning_rate=config.learning_rate,
             schedule=config.schedule,
@@ -98,7 +98,7 @@ class PPO(rsl_rl.algorithms.PPO):
         self.optimizer = cast("Any", Optimizers([learner.optimizer for learner in self.learners]))
         self._update_minibatch = compiled(update_minibatch) if compiles else update_minibatch
         self._compiles = compiles
-        self.returns = RunningReturn(num_envs, config.gamma)
+        self.returns = RunningReturn(num_envs, self.gamma)
         self.train_mode()
 
     def sample(self, obs: Tensor) -> Tensor:

@@ -28,7 +28,7 @@ class PPOTrainer:
     def __init__(
         self, policy: Policy, config: TrainConfig, streams: Streams, device: torch.device, *, compiles: bool = False
     ) -> None:
-        self.policy, self.config, self.num_envs = policy.to(device), config.ppo, config.ppo.num_envs
+        self.policy, self.config, self.num_envs, self.hold = policy.to(device), config.ppo, config.ppo.num_envs, policy.hold
         self.rule = RolloutRule(config.ppo, self.num_envs)
         self.algorithm = PPO(
             policy,

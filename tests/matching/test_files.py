@@ -1,0 +1,67 @@
+"""Matches as files: written, edited by hand, handed back; and what strangers may write."""
+
+import pytest
+
+from transferkit import load_match, match, save_match, wrap
+from transferkit.errors import ConfigError, TransferkitError
+from transferkit.pairing import Copy, Pairing
+
+ONE, TWO = "InvertedPendulum-v5", "InvertedDoublePendulum-v5"
+FILE = f"""\
+source: {ONE}
+target: {TWO}
+copies:
+- joints: {{hinge_y: {{hinge_y2: -1.0}}}}
+  actions: {{drive.slide_x: {{drive.slide_x: 2}}}}
+"""
+
+
+def test_a_file_says_what_was_found(tmp_path):
+    pairing = match(ONE, TWO)
+    save_match(pairing, tmp_path / "m.yaml")
+    assert load_match(tmp_path / "m.yaml") == pairing
+
+
+def test_an_edited_file_is_what_the_policy_begins_with(tmp_path, untrained_core):
+    (tmp_path / "m.yaml").write_text(FILE)
+    text = wrap(untrained_core, TWO, match=tmp_path / "m.yaml").describe()
+    assert "core input hinge_y.position = -1 atan2(hinge_y2.sin, hinge_y2.cos)" in text
+    assert "core input slide_x.position = not matched: nothing is matched with slide_x" in text
+    assert "action drive.slide_x = +2 drive.slide_x" in text
+
+
+def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core):
+    copy = Copy({}, {"drive.slide_x": {"drive.slide_x": 1.0}}, inputs={"hinge_y.position": {"slide_x.position": 3.0}})
+    text = wrap(untrained_core, TWO, match=Pairing(ONE, TWO, (copy,))).describe()
+    assert "core input hinge_y.position = +3 slide_x.position" in text
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("hinge_y2", "hinge_y9", "unknown joint of the target in the match 'hinge_y9'; did you mean hinge_y or hinge_y2"),
+        ("hinge_y:", "hinge_yy:", "unknown joint of the source in the match 'hinge_yy'; did you mean hinge_y"),
+        ("{drive.slide_x: 2}", "{push: 2}", "unknown actuator of the source in the match 'push'; known are drive.slide_x"),
+        (f"target: {TWO}", "target: Hopper-v5", f"the match has target Hopper-v5, and is used with {TWO}"),
+        ("copies:", "copis:", "the match .* is none: Object missing required field `copies`"),
+        ("joints:", "joint:", "the match .* is none: unknown joint; known are joints, actions, shift, inputs"),
+        ("-1.0", "left", "the match .* is none: Expected `float`, got `str`"),
+        ("-1.0", ".inf", "the match .* is none: its numbers must be finite"),
+        ("copies:", "hold: 0\ncopies:", "its hold is 0 control steps, and must be between 1 and 10,000"),
+        ("copies:", "length: -1\ncopies:", "its length is -1.0, and must be greater than 0"),
+        ("copies:", "hold: &a 1\nlength: *a\ncopies:", "it has references, which are not read"),
+        ("copies:", "copies: [", "the match .* is none: not YAML"),
+    ],
+)
+def test_a_slip_in_a_file_is_one_line(tmp_path, untrained_core, old, new, message):
+    assert old in FILE
+    (tmp_path / "m.yaml").write_text(FILE.replace(old, new))
+    with pytest.raises(TransferkitError, match=message) as error:
+        wrap(untrained_core, TWO, match=tmp_path / "m.yaml")
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("option", [{"adapter": "random"}, {"adapter": "pad"}, {"preset": "paper"}])
+def test_a_match_that_has_no_effect_is_refused(untrained_core, option):
+    with pytest.raises(ConfigError, match="has no effect"):
+        wrap(untrained_core, TWO, match=match(ONE, TWO), **option)

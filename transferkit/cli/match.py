@@ -1,0 +1,77 @@
+"""`transferkit match`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.environment import add_environment, environment
+from transferkit.config.checks import NOT_NEGATIVE
+from transferkit.errors import SettingError, UnknownNameError
+from transferkit.files import check_new
+from transferkit.pairing import Angles, Forces, Limbs
+
+if TYPE_CHECKING:
+    from transferkit.spec import IOSpec
+
+
+def main(arguments: Sequence[str]) -> Answer:
+    """Show how a core stands on an environment."""
+    flags = parser("match", "Show what of an environment stands for what of a core; nothing is trained or played.")
+    flags.add_argument("source", metavar="CORE|RUN|ENV", help="a core's id or folder, a finished run, or an environment's id")
+    add_environment(flags, "the environment that the core is to play in", name="env")
+    flags.add_argument("--yaml", type=Path, metavar="FILE", help="write the match, to be edited: for `train --match FILE`")
+    flags.add_argument("--limbs", choices=get_args(Limbs), help="let a limb drive one, or all that are like it")
+    flags.add_argument("--angles", choices=get_args(Angles), help="read a joint's own angle, or also of joints between")
+    flags.add_argument("--forces", choices=get_args(Forces), help="what an action keeps")
+    flags.add_argument("--hold", type=whole("wrap.hold", NOT_NEGATIVE), help="control steps of an action; 0 for its own time")
+    flags.add_argument("--stagger", type=_number, help="radians between the limbs that a core drives side by side")
+    options = flags.parse_args(arguments)
+    if options.yaml is not None:
+        check_new(options.yaml, "yaml", ".yaml")
+    from transferkit.envs import derive_spec  # noqa: PLC0415 - heavy
+    from transferkit.matching import as_plain, compiled, coverage, explain, save_match  # noqa: PLC0415
+    from transferkit.policy.matches import OPTIONS, match  # noqa: PLC0415
+
+    source, target = _source(options.source), derive_spec(str(environment(options)))
+    given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
+    pairing = match(source, target, **given)
+    arrays = compiled(pairing, source, target)
+    if options.yaml is not None:
+        save_match(pairing, options.yaml)
+    inputs, actions = coverage(arrays, source)
+    data: dict[str, Any] = {"inputs": inputs, "actions": actions, "holds": arrays.holds, **as_plain(pairing)}
+    head = (
+        f"{options.source} on {target.env_id}: {_share(inputs, source.obs_dim)} inputs and {_share(actions, source.act_dim)} "
+    )
+    head += "actions are matched"
+    note = "" if arrays.holds else "\nnothing crosses: a core that is wrapped there begins with random adapters"
+    written = f"\n{options.yaml}: edit it, and hand it to `transferkit train --match {options.yaml}`" if options.yaml else ""
+    return Answer(data, f"{head}\n{explain(arrays, source, target)}{note}{written}")
+
+
+def _source(name: str) -> IOSpec:
+    """The spec that a core was trained with, or an environment's."""
+    from transferkit.envs import derive_spec  # noqa: PLC0415 - heavy
+    from transferkit.subject import source_spec  # noqa: PLC0415
+
+    try:
+        return source_spec(name)
+    except UnknownNameError as unknown:
+        try:
+            return derive_spec(name)
+        except UnknownNameError as error:
+            raise UnknownNameError("core, run or environment", name, [*unknown.known, *error.known], topic="cores") from None
+
+
+def _share(share: float, count: int) -> str:
+    return f"{round(share * count)} of {count}"
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingError("stagger", value=text, allowed="a number of radians", topic="flags") from None

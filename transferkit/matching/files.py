@@ -1,0 +1,107 @@
+"""Matches as files that a person may edit: JSON, or YAML without references, checked against the specs they are of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from transferkit.env_id import EnvId
+from transferkit.errors import ConfigError, UnknownNameError
+from transferkit.files import check_new, new_file
+from transferkit.pairing import Pairing
+from transferkit.reading import FormatError, parse_yaml, read_bytes
+
+if TYPE_CHECKING:
+    from transferkit.pairing import Combination, Copy
+    from transferkit.spec import IOSpec
+
+LARGEST = 1_000_000
+"""Bytes of a match file."""
+
+HEAD = """\
+# How a core of {source} stands on {target}. Edit it and hand it back: wrap(core, env, match=FILE), --match FILE.
+# joints: what each joint of the core's robot reads of the target's, with signs. actions: what drives each actuator.
+# shift: added to what a joint reads. inputs: core inputs read from elements of the observation, whatever the joints say.
+"""
+
+
+def save_match(pairing: Pairing, path: str | Path) -> None:
+    """Write a match as YAML.
+
+    Raises:
+        ConfigError: the file exists, its folder does not, it cannot be written, or its name does not end in .yaml.
+    """
+    import yaml  # noqa: PLC0415 - most commands write none
+
+    check_new(Path(path), "yaml", ".yaml")
+    text = HEAD.format(source=pairing.source, target=pairing.target)
+    text += yaml.safe_dump(as_plain(pairing), sort_keys=False, default_flow_style=None, width=120)
+    with new_file(Path(path), "match") as temporary:
+        temporary.write_text(text)
+
+
+def as_plain(pairing: Pairing) -> dict[str, Any]:
+    """A match as JSON-ready data, without what is empty."""
+    data = asdict(pairing)
+    copies = [
+        {name: value for name, value in copy.items() if value or name in ("joints", "actions")} for copy in data["copies"]
+    ]
+    return data | {"copies": copies}
+
+
+def load_match(path: str | Path) -> Pairing:
+    """Read a match from a JSON or YAML file.
+
+    Raises:
+        ConfigError: it cannot be read, or is none.
+    """
+    try:
+        return parse_yaml(read_bytes(Path(path), LARGEST), Pairing)
+    except OSError as error:
+        raise ConfigError(f"cannot read the match {path}: {error.strerror}", topic="matches") from None
+    except FormatError as error:
+        raise ConfigError(
+            f"the match {path} is none: {error}", remedy="`transferkit match` writes one", topic="matches"
+        ) from None
+
+
+def check_match(pairing: Pairing, source: IOSpec, target: IOSpec) -> None:
+    """Compare a match with the specs of a core and of a target.
+
+    Raises:
+        ConfigError: it is of other environments.
+        UnknownNameError: it names a joint, an actuator or an element that is not there.
+    """
+    for side, named, spec in (("source", pairing.source, source), ("target", pairing.target, target)):
+        if EnvId.read(named).id != EnvId.read(spec.env_id).id:
+            raise ConfigError(
+                f"the match has {side} {named}, and is used with {spec.env_id}",
+                remedy=f"use the one of that pair, or write {side}: {spec.env_id} into it",
+                topic="matches",
+            )
+    for copy in pairing.copies:
+        _check_copy(copy, source, target)
+
+
+def _check_copy(copy: Copy, source: IOSpec, target: IOSpec) -> None:
+    own, others = ([joint.name for joint in spec.joints] for spec in (source, target))
+    actuators, driven = ([actuator.name for actuator in spec.action] for spec in (source, target))
+    inputs, elements = ([element.name for element in spec.observation] for spec in (source, target))
+    _check_names("joint of the source in the match", [*copy.joints, *copy.shift], own)
+    _check_names("joint of the target in the match", _inner(copy.joints), others)
+    _check_names("actuator of the target in the match", copy.actions, driven)
+    _check_names("actuator of the source in the match", _inner(copy.actions), actuators)
+    _check_names("core input in the match", copy.inputs, inputs)
+    _check_names("element of the target in the match", _inner(copy.inputs), elements)
+
+
+def _inner(combinations: dict[str, Combination]) -> list[str]:
+    return [name for combination in combinations.values() for name in combination]
+
+
+def _check_names(what: str, names: Iterable[str], known: list[str]) -> None:
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(what, name, known, topic="matches")

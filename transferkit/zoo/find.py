@@ -1,0 +1,97 @@
+"""Which cores of the zoo an environment can represent, and how they play there untrained."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from transferkit.config import PRESETS, preset_version
+from transferkit.envs import derive_spec
+from transferkit.evaluation import ZeroPolicy, evaluate
+from transferkit.matching import compiled, coverage, find_pairing
+from transferkit.policy.make import wrap
+from transferkit.zoo.artifact import load_core
+from transferkit.zoo.catalog import list_cards
+
+if TYPE_CHECKING:
+    from transferkit.envs import EnvLike
+    from transferkit.errors import ArtifactError
+    from transferkit.matching import Match
+    from transferkit.spec import IOSpec
+
+EPISODES = 5
+"""Untrained episodes of a core, beside as many of zero action from the same starts."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A core, and how much of it an environment can represent."""
+
+    core: str
+    source: str
+    """Its environment."""
+    inputs: float
+    """Share of its inputs that mean something there."""
+    actions: float
+    """Share of its actions that drive something there."""
+    hold: int
+    """Control steps for which an action is held."""
+    copies: int
+    """How many limbs it drives side by side."""
+
+    @property
+    def share(self) -> float:
+        """How much of it can be represented."""
+        return self.inputs * self.actions
+
+
+@dataclass(frozen=True)
+class Played:
+    """Untrained episodes of a core's first member and of zero action, from the same starts."""
+
+    returns: Sequence[float]
+    zero: Sequence[float]
+
+    @property
+    def better(self) -> int:
+        """Episodes in which the core is above zero action."""
+        return sum(own > other for own, other in zip(self.returns, self.zero, strict=True))
+
+
+def find_cores(env: EnvLike, *, preset: str = "default") -> tuple[list[Found], list[ArtifactError]]:
+    """Rank the cores of the zoo by how much of them an environment can represent.
+
+    Returns those of which anything can be, and what is wrong with cards that cannot be read.
+
+    Raises:
+        UnknownNameError: no environment has this id.
+        EnvironmentContractError: it cannot be put under the contract.
+    """
+    target, (cards, errors) = derive_spec(env), list_cards()
+    found = []
+    for card in cards:
+        match = matched(card.source, target, preset)
+        if match.holds:
+            found.append(Found(card.id, card.source.env_id, *coverage(match, card.source), match.hold, match.copies))
+    return sorted(found, key=lambda one: -one.share), errors
+
+
+def matched(source: IOSpec, target: IOSpec, preset: str = "default") -> Match:
+    """Match two specs by a preset's settings."""
+    config = PRESETS["ppo"][preset_version("ppo", preset)].wrap
+    return compiled(find_pairing(config, source, target), source, target)
+
+
+def play_found(
+    found: Sequence[Found], env: EnvLike, *, episodes: int = EPISODES, report: Callable[[int, int], None] | None = None
+) -> list[Played]:
+    """Play each core untrained, and zero action beside it."""
+    zero = evaluate(ZeroPolicy(derive_spec(env).act_dim), env, episodes=episodes).returns
+    played = []
+    for k, one in enumerate(found):
+        returns = evaluate(wrap(load_core(one.core), env), env, episodes=episodes).returns
+        played.append(Played(returns, zero))
+        if report is not None:
+            report(k + 1, len(found))
+    return played
