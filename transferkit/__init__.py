@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
     from transferkit.export import export_onnx as export_onnx
+    from transferkit.play.episodes import Shown as Shown
+    from transferkit.play.episodes import play_episodes as play_episodes
     from transferkit.policy.base import Policy as Policy
     from transferkit.policy.core import Core as Core
     from transferkit.policy.health import Health as Health
@@ -88,6 +90,7 @@ _HOMES = {
     ),
     "evaluation": ("Evaluation", "evaluate"),
     "export": ("export_onnx",),
+    "play.episodes": ("Shown", "play_episodes"),
     "policy.base": ("Policy",),
     "policy.core": ("Core",),
     "policy.health": ("Health", "health"),
