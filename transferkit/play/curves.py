@@ -54,7 +54,8 @@ class Curves:
         axes.spines[:].set_visible(False)
         axes.set_title(self._past.title, fontsize=9)
         for row, name in enumerate(names):
-            axes.axhline(-row, color="0.85", linewidth=0.8)
+            axes.axhspan(-0.34 - row, 0.62 - row, color="0.95", linewidth=0)
+            axes.axhline(-row, color="0.8", linewidth=0.8)
             axes.text(-WINDOW, HALF - row, verbatim(name), fontsize=7, va="bottom")
         self._lines = [axes.plot([], [], color=COLOURS[0], linewidth=1.2, animated=True)[0] for _ in names]
         right = {"fontsize": 7, "va": "bottom", "ha": "right", "animated": True}
