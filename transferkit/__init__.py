@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from transferkit.matching import load_match as load_match
     from transferkit.matching import save_match as save_match
     from transferkit.pairing import Pairing as Pairing
+    from transferkit.play.episodes import Shown as Shown
+    from transferkit.play.episodes import play_episodes as play_episodes
     from transferkit.policy.base import Policy as Policy
     from transferkit.policy.core import Core as Core
     from transferkit.policy.health import Health as Health
@@ -94,6 +96,7 @@ _HOMES = {
     "export": ("export_onnx",),
     "matching": ("load_match", "save_match"),
     "pairing": ("Pairing",),
+    "play.episodes": ("Shown", "play_episodes"),
     "policy.base": ("Policy",),
     "policy.core": ("Core",),
     "policy.health": ("Health", "health"),

@@ -18,14 +18,16 @@ LARGEST = 16 * 2**20
 """Bytes of a JSON file."""
 
 
-def check_new(path: Path, option: str, ending: str = "") -> None:
+def check_new(path: Path, option: str, *endings: str) -> None:
     """Check that a file does not exist but its folder does, before any work is done for it.
 
     Raises:
         ConfigError: the file exists, its folder does not, or its name has another ending.
     """
-    if ending and path.suffix != ending:
-        raise ConfigError(f"ending of {path}", value=path.suffix, allowed=ending, remedy=f"choose another {{{option}}}")
+    if endings and path.suffix not in endings:
+        raise ConfigError(
+            f"ending of {path}", value=path.suffix, allowed=" or ".join(endings), remedy=f"choose another {{{option}}}"
+        )
     if path.exists():
         raise ConfigError(f"{path} exists", remedy=f"choose another {{{option}}}")
     if not path.parent.is_dir():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import importlib
 import os
+import sys
 from contextlib import suppress
 
 from transferkit.attempt import attempt
@@ -12,6 +13,9 @@ from transferkit.errors import EnvironmentContractError
 
 RENDERERS = ("glfw", "egl", "osmesa")
 """Values of MUJOCO_GL that MuJoCo, Gymnasium and dm_control all know, in the order in which they try them."""
+
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
+"""Variables that name a display on Linux."""
 
 RENDER = """
 import mujoco
@@ -42,8 +46,20 @@ def choose_renderer() -> None:
         remedy = "install a GL driver (Debian: libegl1)"
         raise EnvironmentContractError("nothing can be rendered here", remedy=remedy, topic="installation")
     os.environ["MUJOCO_GL"] = renderer
+    load_before_drivers()
+
+
+def load_before_drivers() -> None:
+    """Import what crashes if a driver that brings its own LLVM, as Mesa's does, is there first."""
     with suppress(ImportError):
-        importlib.import_module("triton")  # it crashes if a driver that brings its own LLVM, as Mesa's does, is there first
+        importlib.import_module("triton")
+
+
+def no_window() -> str:
+    """Say why no window can be opened here; empty if one can."""
+    if sys.platform == "linux" and not any(os.environ.get(name) for name in DISPLAYS):
+        return "no display"
+    return "" if _renders("glfw") else "no window opens on this display"
 
 
 @functools.cache

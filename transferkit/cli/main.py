@@ -27,6 +27,7 @@ COMMANDS = {
     "train": "train a policy from scratch or around a core",
     "eval": "evaluate the final policy of a run",
     "plot": "learning curve and model errors of a run, traces of a recording",
+    "play": "watch a run or a core: in a window, as a video or as pictures",
     "record": "episodes of a run or of a core as an MCAP file",
     "replay": "simulate a recording again: check it, or make a video",
     "recover": "make a whole file of a recording that was cut",

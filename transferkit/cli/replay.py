@@ -44,10 +44,10 @@ def _with_video(file: Path, out: Path, env: str | None) -> Replayed:
     choose_renderer()  # before mujoco is imported: PyOpenGL stays with what it was first loaded for
     from transferkit.record.reader import about_of, read  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.record.replay import STATELESS, replay_recording  # noqa: PLC0415 - torch takes seconds to import
-    from transferkit.record.video import video  # noqa: PLC0415
+    from transferkit.record.video import frame, video  # noqa: PLC0415
 
     about = about_of(read(file, about_only=True), file, STATELESS)
-    with video(out, about.spec.time_step) as on_frame:
+    with video(out, about.spec.time_step, frame) as on_frame:
         return replay_recording(file, env=env, on_frame=on_frame, render=True)
 
 

@@ -1,11 +1,11 @@
-"""Video of a replay, through MuJoCo's offscreen renderer."""
+"""Video of anything that a picture can be made of."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeVar
 
 import gymnasium
 import imageio_ffmpeg
@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from transferkit.envs import failed, name_of
 from transferkit.files import new_file
 
-if TYPE_CHECKING:
-    from transferkit.record.replay import OnFrame
+T = TypeVar("T")
 
 FPS = 30.0
 """The most frames a second of simulated time."""
@@ -26,8 +25,16 @@ OPTIONS: Any = {"macro_block_size": 2, "ffmpeg_log_level": "quiet", "output_para
 
 
 @contextmanager
-def video(path: Path, time_step: float) -> Iterator[OnFrame]:
-    """Make a function that adds a frame of an environment in render mode `rgb_array`, at most `FPS` a simulated second.
+def video(
+    path: Path, time_step: float, picture: Callable[[T], NDArray[np.uint8]], *, option: str = "video"
+) -> Iterator[Callable[[T], None]]:
+    """Make a function that adds a frame, at most `FPS` a simulated second.
+
+    Args:
+        path: the file.
+        time_step: simulated seconds between two calls of the function; 0 if unknown.
+        picture: makes a frame, `(height, width, 3)`, of what the function is called with; not for every call.
+        option: whose value the path is.
 
     Raises:
         ConfigError: the file cannot be written; nothing of it is left.
@@ -36,18 +43,18 @@ def video(path: Path, time_step: float) -> Iterator[OnFrame]:
     fps: Any = 1 / (every * time_step) if time_step else FPS  # a float will do
     writer, steps, sent = None, 0, 0
 
-    def add(env: gymnasium.Env) -> None:
+    def add(scene: T) -> None:
         nonlocal writer, steps, sent
         if steps % every == 0:
-            frame = _frame(env)
+            drawn = picture(scene)
             if writer is None:
-                writer = imageio_ffmpeg.write_frames(str(temporary), frame.shape[1::-1], fps=fps, **OPTIONS)
+                writer = imageio_ffmpeg.write_frames(str(temporary), drawn.shape[1::-1], fps=fps, **OPTIONS)
                 writer.send(None)
-            writer.send(frame.tobytes())
+            writer.send(drawn.tobytes())
             sent += 1
         steps += 1
 
-    with new_file(path, "video") as temporary:
+    with new_file(path, option) as temporary:
         try:
             yield add
         finally:
@@ -57,10 +64,15 @@ def video(path: Path, time_step: float) -> Iterator[OnFrame]:
             raise OSError("ffmpeg could not write all of it; is the disk full?")
 
 
-def _frame(env: gymnasium.Env) -> NDArray[np.uint8]:
+def frame(env: gymnasium.Env) -> NDArray[np.uint8]:
+    """Let an environment in render mode `rgb_array` draw itself, `(height, width, 3)`.
+
+    Raises:
+        EnvironmentContractError: it fails.
+    """
     try:
-        frame: Any = env.render()  # an array in this mode
-        return np.asarray(frame, np.uint8).reshape(*frame.shape[:2], 3)
+        drawn: Any = env.render()  # an array in this mode
+        return np.asarray(drawn, np.uint8).reshape(*drawn.shape[:2], 3)
     except Exception as error:  # of an environment of the user's
         raise failed(name_of(env), "render", error) from error
 
