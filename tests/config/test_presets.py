@@ -12,10 +12,13 @@ from transferkit.errors import UnknownNameError
 FROZEN = {
     "ppo default-v1": "a1e9114f656f4e14",
     "ppo default-v2": "d1b1be25cccafe13",
+    "ppo default-v3": "d41b6f139a61275c",
     "ppo paper-v1": "b63b0e770bec0ddc",
     "dyna-ddpg default-v1": "cfb7c65b573fb178",
+    "dyna-ddpg default-v2": "bc44192b66a7c0be",
     "dyna-ddpg paper-v1": "5dffe413e4dcfad2",
     "dyna-ppo default-v1": "a1e9114f656f4e14",
+    "dyna-ppo default-v2": "062cb1593bc7f449",
 }
 
 
@@ -31,11 +34,11 @@ def test_no_version_of_a_preset_ever_changes():
 @pytest.mark.parametrize(
     ("algo", "name", "version"),
     [
-        ("ppo", "default", "default-v2"),
+        ("ppo", "default", "default-v3"),
         ("ppo", "default-v1", "default-v1"),
         ("ppo", "paper", "paper-v1"),
-        ("dyna-ddpg", "default", "default-v1"),
-        ("dyna-ppo", "default", "default-v1"),
+        ("dyna-ddpg", "default", "default-v2"),
+        ("dyna-ppo", "default", "default-v2"),
     ],
 )
 def test_a_name_without_a_version_is_the_newest(algo, name, version):
@@ -46,8 +49,8 @@ def test_a_name_without_a_version_is_the_newest(algo, name, version):
     ("algo", "name", "message"),
     [
         ("ppo", "papr", r"unknown preset of ppo 'papr'; did you mean paper or paper-v1\?"),
-        ("ppo", "default-v9", "did you mean default-v2 or default-v1 or default"),
-        ("dyna-ppo", "paper", r"unknown preset of dyna-ppo 'paper'; known are default, default-v1"),
+        ("ppo", "default-v9", "did you mean default-v3 or default-v2 or default-v1"),
+        ("dyna-ppo", "paper", r"unknown preset of dyna-ppo 'paper'; known are default, default-v1, default-v2"),
     ],
     ids=["misspelt", "a version there is not", "not of this trainer"],
 )

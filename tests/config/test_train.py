@@ -43,11 +43,11 @@ def test_identity_is_the_version_the_overrides_and_what_is_given():
         "eval_episodes": 20,
         "eval_every": 0,
         "algo": "ppo",
-        "preset": "default-v2",
+        "preset": "default-v3",
     }
     same = replace(config, checkpoint_seconds=9.0, member=2, dyna=DynaConfig(gamma=0.5))
     assert identity(same) == identity(config)
-    core = replace(config, core="a-v1", member=2, device="cuda", wrap=WrapConfig(residual=0))
+    core = replace(config, core="a-v1", member=2, device="cuda", wrap=replace(config.wrap, residual=0))
     more = {"core": "a-v1", "member": 2, "device": "cuda", "overrides": {"wrap.residual": 0}}
     assert identity(core) == identity(config) | more
     for other in (

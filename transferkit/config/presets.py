@@ -41,10 +41,18 @@ USED: Mapping[Algorithm, tuple[str, ...]] = {
 }
 """Sections that each trainer reads."""
 
+DDPG_NETWORK = NetworkConfig(hidden=(128, 128), activation="relu", init_std=0.3)
+
+IMAGINED_PPO = PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)
+
+MECHANISM = WrapConfig(limbs="all", forces="auto", hold=0)
+"""A sandwich that is matched by what the two robots are."""
+
 PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     "ppo": {
-        "default-v1": Preset(ppo=PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)),
+        "default-v1": Preset(ppo=IMAGINED_PPO),
         "default-v2": Preset(),
+        "default-v3": Preset(wrap=MECHANISM),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -68,7 +76,21 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         ),
     },
     "dyna-ddpg": {
-        "default-v1": Preset(network=NetworkConfig(hidden=(128, 128), activation="relu", init_std=0.3)),
+        "default-v1": Preset(network=DDPG_NETWORK),
+        "default-v2": Preset(
+            network=DDPG_NETWORK,
+            dyna=DynaConfig(
+                critics=5,
+                drawn_critics=2,
+                pessimism=0.25,
+                updates_per_step=10,
+                hold_seconds=0.03,
+                discount_seconds=None,
+                gamma=0.975,
+                early_share=0.5,
+            ),
+            wrap=MECHANISM,
+        ),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -118,10 +140,12 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
     "dyna-ppo": {
         # By KL divergence, PPO's default, it learnt less on all of four tuning seeds.
-        "default-v1": Preset(ppo=PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)),
+        "default-v1": Preset(ppo=IMAGINED_PPO),
+        "default-v2": Preset(ppo=IMAGINED_PPO, wrap=MECHANISM),
     },
 }
-"""`default-v1` of PPO was the default until 2026-11-26; `paper-v1` follows the paper's code (docs: departures)."""
+"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` of PPO and `default-v1` of the others until 2026-11-28;
+`paper-v1` follows the paper's code (docs: departures)."""
 
 
 def preset_family(version: str) -> str:

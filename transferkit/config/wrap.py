@@ -34,7 +34,8 @@ class WrapConfig:
     """What an action keeps: the acceleration that it causes, or its torque for the robot's weight and length (load); auto keeps
     the load if both robots stand on their limbs."""
     hold: Annotated[int, NOT_NEGATIVE] = 1
-    """Control steps for which an action of the core is held; 0 for as many as last as long as one of its own."""
+    """Control steps for which an action of the core is held; 0 for as many as last as long as one of its own, if both robots
+    stand on their limbs, else 1."""
     stagger: Annotated[float, Range(-3.2, 3.2)] = 0.0
     """How far apart, in radians, the copies of a core see the first joints of their limbs: limbs in step hardly walk."""
     finetune: bool = True

@@ -57,7 +57,8 @@ def pair(
         doubled = {one for one, other in pairs.items() if any(more.get(one) != other for more in every)}
         roots = [one for one in doubled if read.parents[0][one] not in doubled]
         copies.append(Copy(read.joints(pairs), drive.actions(own), dict.fromkeys(roots, apart) if apart else {}))
-    return Pairing(source.env_id, target.env_id, tuple(copies), scale, hold_steps(source, target, scale), keeps)
+    hold = hold_steps(source, target, scale) if keeps == "load" else 1
+    return Pairing(source.env_id, target.env_id, tuple(copies), scale, hold, keeps)
 
 
 def _shared(aligner: Aligner, pairs: Pairs) -> Pairs:

@@ -4,6 +4,10 @@ Motion is scaled by dynamic similarity (Froude): under the same gravity a mechan
 scale with s, times with sqrt(s) and accelerations not at all. What swings freely keeps the acceleration that an action causes,
 with the length from its hinges to the load. What stands on its limbs keeps its torque for its weight and length, with the
 length of its limbs: the acceleration of a free limb says nothing of one that carries the robot.
+
+An action of what stands is held for as long as its core's own lasts, since a gait has a pace. What swings is balanced by
+feedback, the better the faster it comes: the pendulum's core keeps 998 of 1000 on the cart-pole in its steps of 0.01 s, and 876
+if its actions last 0.05 s (means of 5 members, 5 episodes).
 """
 
 from __future__ import annotations
