@@ -15,7 +15,7 @@ FROZEN = {
     "ppo default-v3": "d41b6f139a61275c",
     "ppo paper-v1": "b63b0e770bec0ddc",
     "dyna-ddpg default-v1": "cfb7c65b573fb178",
-    "dyna-ddpg default-v2": "bc44192b66a7c0be",
+    "dyna-ddpg default-v2": "ef3d56fc1e5fa6d4",
     "dyna-ddpg paper-v1": "5dffe413e4dcfad2",
     "dyna-ppo default-v1": "a1e9114f656f4e14",
     "dyna-ppo default-v2": "062cb1593bc7f449",

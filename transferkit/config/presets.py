@@ -87,7 +87,6 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
                 hold_seconds=0.03,
                 discount_seconds=None,
                 gamma=0.975,
-                early_share=0.5,
             ),
             wrap=MECHANISM,
         ),
