@@ -60,6 +60,8 @@ class Recipe:
     """Folder the artifact goes into."""
     description: str = ""
     """One sentence for the card."""
+    policy_only: bool = False
+    """Leave out critics and model, which take five to ten times the space of the policy."""
     workers: Annotated[int, AT_LEAST_ONE] = 2
     """Members trained at the same time."""
 
@@ -93,7 +95,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
     folder = recipe.zoo / recipe.id
     if folder.exists():
         raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
-    if config.algo == "dyna-ddpg":
+    if config.algo == "dyna-ddpg" and not recipe.policy_only:
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
     results = _train_members(recipe, config)
     policies = [policy for policy in map(load_policy, (r.run_dir for r in results)) if isinstance(policy, ScratchPolicy)]
@@ -108,7 +110,8 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         for policy in policies
     ]
     score = _score(recipe, returns)
-    core = _core(recipe, config, policies, [load_components(result.run_dir) for result in results])
+    beside = [{} if recipe.policy_only else load_components(result.run_dir) for result in results]
+    core = _core(recipe, config, policies, beside)
     return _save(core, _card(recipe, config, core, results, score), folder)
 
 

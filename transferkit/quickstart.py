@@ -32,7 +32,7 @@ EPISODES = 200
 SOLVED = 9300.0
 """Return of a target that is solved, of 9360."""
 
-LEARNER = TrainConfig(TARGET, algo="dyna-ddpg", episodes=EPISODES, steps=5500, eval_every=500, stop_at=SOLVED)
+LEARNER = TrainConfig(TARGET, algo="dyna-ddpg", episodes=EPISODES, steps=2900, eval_every=500, stop_at=SOLVED)
 """How the target is solved from scratch."""
 
 TWIN_EPISODES = 2

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from transferkit.errors import ArtifactError
     from transferkit.matching import Match
     from transferkit.spec import IOSpec
+    from transferkit.zoo.card import Card
 
 EPISODES = 5
 """Untrained episodes of a core, beside as many of zero action from the same starts."""
@@ -39,6 +40,10 @@ class Found:
     """Control steps for which an action is held."""
     copies: int
     """How many limbs it drives side by side."""
+    length: float
+    """Lengths of its robot over those of the environment's."""
+    forces: str
+    """What its actions keep."""
 
     @property
     def share(self) -> float:
@@ -73,8 +78,14 @@ def find_cores(env: EnvLike, *, preset: str = "default") -> tuple[list[Found], l
     for card in cards:
         match = matched(card.source, target, preset)
         if match.holds:
-            found.append(Found(card.id, card.source.env_id, *coverage(match, card.source), match.hold, match.copies))
+            found.append(_found(card, match))
     return sorted(found, key=lambda one: -one.share), errors
+
+
+def _found(card: Card, match: Match) -> Found:
+    assert match.pairing is not None
+    shares, pairing = coverage(match, card.source), match.pairing
+    return Found(card.id, card.source.env_id, *shares, match.hold, match.copies, round(pairing.length, 4), pairing.forces)
 
 
 def matched(source: IOSpec, target: IOSpec, preset: str = "default") -> Match:
