@@ -38,12 +38,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def write(study: Study) -> int:
-    """Replace the tables of a README, and draw the figure of a study that keeps evaluations."""
+    """Replace the tables of a README, and draw the figure of a study that keeps evaluations, or in which nothing is trained."""
     study.readme.write_text(render(study), encoding="utf-8")
     if study.curves:
         from experiments.study.figure import draw  # noqa: PLC0415 - matplotlib
 
         draw(study).savefig(study.folder / "figure.png", dpi=90)
+    elif not any(row.steps for row in study.rows):
+        from experiments.study.heat_map import draw_heat_map  # noqa: PLC0415 - matplotlib
+
+        draw_heat_map(study).savefig(study.folder / "figure.png", dpi=90)
     return 0
 
 

@@ -35,7 +35,7 @@ def pair(
     target: IOSpec,
     *,
     limbs: Limbs = "all",
-    angles: Angles = "carried",
+    angles: Angles = "own",
     forces: Forces = "auto",
     stagger: float = 0.0,
 ) -> Pairing:
