@@ -77,11 +77,13 @@ def test_one_leg_drives_two_by_two_copies_that_see_a_leg_each():
     assert matched(HOPPER, WALKER, limbs="one")[1].copies == 1
 
 
-def test_two_legs_share_one_and_it_gets_the_mean_of_their_actions():
+def test_two_legs_share_one_which_does_what_both_did():
     pairing, match, *specs = matched(WALKER, HOPPER)
     assert partners(pairing, *specs)["thigh_joint"] == partners(pairing, *specs)["thigh_left_joint"] == "thigh_joint"
     left, right = np.array(match.action_weight)[:, :3], np.array(match.action_weight)[:, 3:]
     np.testing.assert_array_equal(left, right)
+    weights = [sum(j.mass for j in spec.joints if j.parent is None) for spec in specs]
+    assert left[0, 0] == pytest.approx(100 / 200 * weights[1] / weights[0])
     assert coverage(match, specs[0]) == (1.0, 1.0)
 
 
@@ -91,7 +93,9 @@ def test_what_stands_keeps_its_torque_for_weight_and_length_and_what_swings_its_
     weights = [sum(j.mass for j in spec.joints if j.parent is None) for spec in (source, target)]
     assert pairing.forces == "load"
     assert pairing.length == pytest.approx(1.0)  # thigh and leg are 0.45 m and 0.5 m in both
-    assert pairing.copies[0].actions["drive.hinge_y2"]["drive.hinge_y2"] == pytest.approx(200 / 100 * weights[1] / weights[0])
+    assert pairing.copies[0].actions["drive.hinge_y2"]["drive.hinge_y2"] == pytest.approx(
+        200 / 100 * weights[1] / weights[0] / 2
+    )
     assert pair(source, target, forces="acceleration").copies[0].actions["drive.hinge_y2"]["drive.hinge_y2"] < 0.2  # armature
     assert matched(ONE, CARTPOLE)[0].forces == "acceleration"
 
@@ -126,4 +130,4 @@ def test_what_is_not_matched_is_said_with_the_reason():
     assert "core input hinge_y2.velocity = not matched: nothing is matched with hinge_y2" in text
     assert "core input observation[8] = not matched: force, which is the same only in the same mechanism" in text
     text = explain(*matched(HOPPER, WALKER)[1:])
-    assert "action drive.hinge_y7 = +2.993 drive.hinge_y4[2]" in text
+    assert "action drive.hinge_y7 = +1.497 drive.hinge_y4[2]" in text

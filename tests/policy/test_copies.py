@@ -35,7 +35,7 @@ def test_every_leg_acts_as_the_core_would_on_it_alone(leg):
     torso, right, left = np.random.default_rng(1).normal(size=(3, 6))
     policy = wrap(leg, WALKER, **OPTIONS)
     action = policy.act(walker(torso=torso, right=right, left=left))[0]
-    factor = 200 / 100 * sum(j.mass for j in policy.target.joints if j.parent is None)
+    factor = 200 / 100 / 2 * sum(j.mass for j in policy.target.joints if j.parent is None)
     factor /= sum(j.mass for j in leg.spec.joints if j.parent is None)
     for k, own in ((0, right), (3, left)):
         alone = [*torso[:2], *own[:3], *torso[2:5], *own[3:]]

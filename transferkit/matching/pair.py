@@ -2,7 +2,7 @@
 
 One limb may stand for several: what hangs on the target beside a matched limb, and is like it, is driven by another copy of the
 core that sees itself on that limb. Several may share one: a limb of the source that the target lacks reads its neighbour's, and
-the target's limb gets the mean of their actions.
+the target's limb does what both did together. Limbs that carry a robot share its load: each gets its part of the torque.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from transferkit.matching.tree import below, kinematic_tree, parallel
 from transferkit.pairing import Copy, Pairing
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from transferkit.matching.tree import Tree
     from transferkit.pairing import Angles, Combination, Forces, Limbs
@@ -56,7 +56,8 @@ def pair(
         apart = stagger * (number / (len(every) - 1) - 0.5) if len(every) > 1 else 0.0
         doubled = {one for one, other in pairs.items() if any(more.get(one) != other for more in every)}
         roots = [one for one in doubled if read.parents[0][one] not in doubled]
-        copies.append(Copy(read.joints(pairs), drive.actions(own), dict.fromkeys(roots, apart) if apart else {}))
+        bearing = {one: len({more.get(one) for more in every}) for one in own}
+        copies.append(Copy(read.joints(pairs), drive.actions(own, bearing), dict.fromkeys(roots, apart) if apart else {}))
     hold = hold_steps(source, target, scale) if keeps == "load" else 1
     return Pairing(source.env_id, target.env_id, tuple(copies), scale, hold, keeps)
 
@@ -156,14 +157,17 @@ class Driver:
     """What drives each actuator of a target."""
 
     def __init__(self, source: IOSpec, target: IOSpec, scale: float, *, load: bool) -> None:
-        self._source, self._target = source, target
+        self._source, self._target, self._load = source, target, load
         self._axes = tuple({joint.name: joint.axis for joint in spec.joints} for spec in (source, target))
         masses = (mass(source), mass(target)) if load else (None, None)
         self._own = {one.name: strength(one, scale, masses[0]) for one in source.action}
         self._others = {one.name: strength(one, 1.0, masses[1]) for one in target.action}
 
-    def actions(self, pairs: Pairs) -> dict[str, Combination]:
-        """Find the factors of the source's actions for each actuator of the target that these pairs drive."""
+    def actions(self, pairs: Pairs, bearing: Mapping[str, int]) -> dict[str, Combination]:
+        """Find the factors of the source's actions for each actuator of the target that these pairs drive.
+
+        `bearing` says how many limbs of the target do together what one of the source did.
+        """
         found: dict[str, Combination] = {}
         for actuator in self._source.action:
             joint = actuator.joint
@@ -171,7 +175,8 @@ class Driver:
                 continue
             driving = [one.name for one in self._target.action if one.joint == pairs[joint]]
             sharing = {one.joint for one in self._source.action if one.joint in pairs and pairs[one.joint] == pairs[joint]}
-            sign = float(np.sign(np.dot(self._axes[0][joint], self._axes[1][pairs[joint]]))) / len(sharing)
+            sign = float(np.sign(np.dot(self._axes[0][joint], self._axes[1][pairs[joint]])))
+            sign /= bearing[joint] if self._load else len(sharing)
             together = sum(abs(self._others[name]) for name in driving)
             known = self._own[actuator.name] and together
             for name in driving:
