@@ -58,3 +58,18 @@ def test_what_is_no_file_for_a_play(toy, tmp_path):
         with pytest.raises(ConfigError, match=said):
             play_episodes(toy, tmp_path / name, episodes=2)
     assert [path.name for path in tmp_path.iterdir()] == ["x.mp4"]
+
+
+def test_a_policy_that_holds_its_actions_is_asked_as_in_an_evaluation():
+    asked = []
+
+    class Holds(ConstantPolicy):
+        hold = 2
+
+        def act(self, observation):
+            asked.append(observation[0, 1])
+            return super().act(observation)
+
+    playing = _Play(Holds(2, 1), Drawn(STEPS), lambda _: True, 0.5, Streams(0))
+    playing.play(2, np.inf)
+    assert asked == [0, 2, 0, 2]

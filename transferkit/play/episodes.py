@@ -125,9 +125,11 @@ class _Play:
                 return
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Choose the action for one environment's observation, `(1, obs_dim)`, and show the moment before."""
+        """Choose the action for one environment's observation, `(1, obs_dim)`, or hold it, and show the moment before."""
         self._look(observation[0], last=False)
-        return self._policy.act(observation)
+        if self._step % self._policy.hold == 0:
+            self._action = self._policy.act(observation)
+        return self._action
 
     def _seed_of(self, episode: int) -> int:
         self._step, self._total = 0, 0.0
