@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,6 +87,22 @@ def equal_time(study: Study, rows: Sequence[Row], _: Sequence[Row]) -> str:
     return whole(stats.iqm(last))
 
 
+def speed_each(_: Study, rows: Sequence[Row], __: Sequence[Row]) -> str:
+    """Every run's forward speed in m/s, by seed; a dash if none is reported."""
+    speeds = [row.forward_speed for row in sorted(rows, key=lambda row: row.seed)]
+    return "-" if any(map(math.isnan, speeds)) else ", ".join(f"{speed:.1f}" for speed in speeds)
+
+
+def lowest_after(threshold: float, study: Study, rows: Sequence[Row], _: Sequence[Row]) -> str:
+    """The lowest evaluation of any run after its first one that reaches a threshold; a dash if none does."""
+    later = []
+    for row in rows:
+        returns = [point["return_mean"] for point in study.curves.get(row.id, [])]
+        first = next((k for k, value in enumerate(returns) if value >= threshold), len(returns))
+        later += returns[first:]
+    return whole(min(later)) if later else "-"
+
+
 def budget(_: Study, rows: Sequence[Row], __: Sequence[Row]) -> str:
     """Episodes, steps and seconds that each run may spend."""
     limits = zip(rows[0].budget, ("episodes", "steps", "seconds"), strict=True)
@@ -116,6 +134,8 @@ CELLS: Mapping[str, Cell] = {
     "each seed": each,
     "minus": minus,
     "at equal time": equal_time,
+    "speed, each": speed_each,
+    "lowest after 9000": partial(lowest_after, 9000.0),
     "budget": budget,
     "seeds": seeds,
     "seconds": seconds,

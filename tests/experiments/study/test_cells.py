@@ -55,3 +55,17 @@ def test_a_column_for_every_selection():
     assert cross(STUDY, ["target"], columns, "mean") == [["target", "a", "nothing", "none"], ["target", "3", "5", "-"]]
     (_, line) = cross(STUDY, ["trainer"], {"score": {}}, "mean", where={"trainer": "b"})
     assert line == ["b", "1"]
+
+
+def test_the_lowest_evaluation_after_the_first_that_is_good_enough():
+    returns = {"a": [10.0, 9100.0, 8000.0, 9300.0], "b": [9000.0, 9050.0], "c": [100.0]}
+    runs = [replace(A[0], id=name) for name in returns]
+    study = SimpleNamespace(curves={name: [{"return_mean": value} for value in own] for name, own in returns.items()})
+    assert CELLS["lowest after 9000"](study, runs, []) == "8000"
+    assert CELLS["lowest after 9000"](study, runs[2:], []) == "-"
+
+
+def test_speeds_stand_by_seed():
+    rows = [replace(one, forward_speed=speed) for one, speed in zip(A, (0.31, 1.96, 0.5), strict=True)]
+    assert CELLS["speed, each"](STUDY, rows[::-1], []) == "0.3, 2.0, 0.5"
+    assert CELLS["speed, each"](STUDY, A, []) == "-"
