@@ -34,6 +34,9 @@ EPISODES, SEED = 20, 1
 PROBATION = 5
 """Episodes that are compared with zero action from the same starts."""
 
+USUAL = ("tanh", "relu", "elu")
+"""Activations that policies of the libraries have."""
+
 NOT_STATED = "not stated"
 
 
@@ -144,6 +147,8 @@ def run_import(file: Path, env: EnvLike, given: Given, target: Target | None) ->
     returns = evaluate(policy, env, episodes=PROBATION if target is None else EPISODES, seed=SEED).returns
     zero = evaluate(ZeroPolicy(core.spec.act_dim), env, episodes=PROBATION, seed=SEED).returns
     warnings = [*_probation(returns, zero), *health(policy, env).warnings]
+    if given.activation is not None or foreign.activation is None or foreign.usual:
+        warnings += _better_with(core, env, returns)
     done = Imported(core, foreign.library, foreign.steps, notes, warnings, returns, zero)
     return done if target is None else replace(done, core=_written(done, name_of(env), target))
 
@@ -157,6 +162,17 @@ def _probation(returns: tuple[float, ...], zero: tuple[float, ...]) -> list[str]
         f"above zero action in {better} of {PROBATION} episodes ({means}): is it of this environment, and are activation, "
         "statistics and scale of actions right?"
     ]
+
+
+def _better_with(core: Core, env: EnvLike, returns: tuple[float, ...]) -> list[str]:
+    """Play it with the other usual activations, if its file does not say which it has."""
+    signs = []
+    for other in sorted({*USUAL} - {core.architecture.to_json()["activation"]}):
+        architecture = replace(core.architecture, activation=other)  # pyright: ignore[reportCallIssue] - no composed one
+        played = evaluate(replace(core, architecture=architecture).policy(), env, episodes=PROBATION, seed=SEED).returns
+        if all(theirs > own for theirs, own in zip(played, returns, strict=False)):
+            signs.append(f"with activation {other} it returns {np.mean(played):.1f} and not {np.mean(returns[:PROBATION]):.1f}")
+    return signs
 
 
 def _written(done: Imported, env: str, target: Target) -> Core:

@@ -55,6 +55,10 @@ def build_core(foreign: Foreign, spec: IOSpec, given: Given, name: str, digest: 
     activation = _activation(foreign, given)
     actions, statistics = _actions(foreign, spec, given), foreign.statistics
     layers, notes = list(foreign.layers), list(foreign.notes)
+    if foreign.usual and given.activation is None:
+        notes.append(f"activation {activation}, the library's usual one")
+    if foreign.critics and foreign.statistics is not None:
+        notes.append("its critics value rewards as its training scaled them")
     components: dict[str, Any] = {}
     factors = torch.ones(spec.obs_dim, dtype=torch.float64)
     if statistics is not None:

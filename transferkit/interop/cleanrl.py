@@ -56,7 +56,8 @@ def read_cleanrl(saved: object) -> Foreign:
         normalized=False,
         critics=critics[:2],  # what lies behind them are target networks
         critic_actions=1.0,
-        notes=["activation relu and raw observations, as in CleanRL's script"],
+        usual=True,
+        notes=["takes observations as they are, as CleanRL's script does"],
     )
 
 
@@ -67,7 +68,8 @@ def _ppo(state: Mapping[str, Any]) -> Foreign:
         "tanh",
         1.0,
         log_std=tensor(state, "actor_logstd").flatten(),
-        notes=["activation tanh, as in CleanRL's script", "its critic values states alone and is left out"],
+        usual=True,
+        notes=["its critic values states alone and is left out"],
     )
 
 

@@ -78,6 +78,8 @@ class Foreign:
     """Values of states and actions."""
     critic_actions: Scale = "bounds"
     """In what unit critics take actions."""
+    usual: bool = False
+    """Whether its activation is the library's usual one and not the file's word."""
     steps: int = 0
     """Environment steps of its training, if the file says so."""
     notes: Sequence[str] = ()

@@ -65,16 +65,16 @@ def _on_policy(state: Mapping[str, Any], data: Mapping[str, Any], version: str) 
     if "log_std" not in state:
         raise FormatError("its actions are discrete; only continuous ones are read")
     body = [layer for part in ("shared_net", "policy_net") for layer in chain(state, f"mlp_extractor.{part}.")]
-    activation, unsaid = _activation(data, "tanh")
     return Foreign(
         f"{version} PPO or A2C",
         [*body, linear(state, "action_net")],
-        activation,
+        _activation(data, "tanh"),
         1.0,
         bounds=_bounds(data),
         log_std=tensor(state, "log_std"),
         steps=_steps(data),
-        notes=[*unsaid, "its critic values states alone and is left out"],
+        usual=_is_usual(data),
+        notes=["its critic values states alone and is left out"],
     )
 
 
@@ -83,18 +83,17 @@ def _off_policy(state: Mapping[str, Any], data: Mapping[str, Any], version: str)
     layers = [*chain(state, "actor.latent_pi."), linear(state, "actor.mu")] if gaussian else chain(state, "actor.mu.")
     if not layers:
         raise FormatError("it has no actor of PPO, A2C, SAC, TD3 or DDPG")
-    activation, unsaid = _activation(data, "relu")
     count = len({name.split(".")[1] for name in state if re.match(r"critic\.qf\d+\.", name)})
     return Foreign(
         f"{version} {'SAC' if gaussian else 'TD3 or DDPG'}",
         layers,
-        activation,
+        _activation(data, "relu"),
         "bounds",
         bounds=_bounds(data),
         squash=True,
         critics=_critics(state, count),
         steps=_steps(data),
-        notes=unsaid,
+        usual=_is_usual(data),
     )
 
 
@@ -102,14 +101,18 @@ def _critics(state: Mapping[str, Any], count: int) -> list[list[Layer]]:
     return [chain(state, f"critic.qf{k}.") for k in range(count)]
 
 
-def _activation(data: Mapping[str, Any], default: str) -> tuple[str | None, list[str]]:
-    """What `policy_kwargs` say in plain words; without any, it is the library's default."""
+def _is_usual(data: Mapping[str, Any]) -> bool:
+    """Whether `policy_kwargs` leave the activation to the library."""
     kwargs = data.get("policy_kwargs")
-    if not isinstance(kwargs, Mapping):
-        return None, []
-    if "activation_fn" in kwargs:
-        return known_activation(str(kwargs["activation_fn"])), []
-    return default, [f"activation {default}, the library's default"]
+    return isinstance(kwargs, Mapping) and "activation_fn" not in kwargs
+
+
+def _activation(data: Mapping[str, Any], usual: str) -> str | None:
+    """What `policy_kwargs` say in plain words beside their pickle."""
+    kwargs = data.get("policy_kwargs")
+    if _is_usual(data):
+        return usual
+    return known_activation(str(kwargs["activation_fn"])) if isinstance(kwargs, Mapping) else None
 
 
 def _steps(data: Mapping[str, Any]) -> int:
