@@ -127,8 +127,8 @@ def import_core(
     target = None if name is None else Target(name, version, Path(zoo), threshold, licence)
     done = run_import(Path(file), env, Given(activation, stats, action_scale, std), target)
     logger = logging.getLogger("transferkit")
-    for line in (*done.notes, *done.warnings):
-        logger.warning("%s: %s", file, line)
+    for said in filter(None, (done.notes, done.warnings)):
+        logger.warning("%s: %s", file, "; ".join(said))
     return done.core
 
 

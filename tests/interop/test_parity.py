@@ -11,8 +11,12 @@ import torch
 from torch import nn
 
 from tests.interop import writers
+from transferkit import Subject, export_onnx
 from transferkit.envs import derive_spec, make_env
 from transferkit.interop import Given, read_core
+from transferkit.nn import Architecture
+from transferkit.policy.base import ScratchPolicy
+from transferkit.streams import Streams
 
 ENV = "InvertedPendulum-v5"  # bounds of -3 to 3
 
@@ -121,6 +125,48 @@ def test_onnx(tmp_path, activation, end):
     core = core_of(tmp_path / "m.onnx", action_scale="bounds")
     assert core.architecture.squash == (end is not None)
     assert difference(core, lambda o: 3 * module(torch.from_numpy(o)).detach().numpy()) <= 1e-5
+
+
+class Deterministic(nn.Module):
+    """A policy of Stable-Baselines3 as its documentation exports it."""
+
+    def __init__(self, policy):
+        super().__init__()
+        self.policy = policy
+
+    def forward(self, observation):
+        return self.policy(observation, deterministic=True)
+
+
+def test_onnx_of_rsl_rl(tmp_path):
+    pytest.importorskip("onnx")
+    actor, act = writers.rsl_rl_actor(4, 1)
+    writers.write_onnx(actor.as_onnx(verbose=False), 4, tmp_path / "m.onnx")
+    core = core_of(tmp_path / "m.onnx", action_scale=1.0)
+    assert difference(core, act) <= 1e-5
+    assert "normalizer" in core.components
+
+
+@pytest.mark.parametrize("algo", ["PPO", "SAC"])
+def test_onnx_of_stable_baselines3(tmp_path, algo):
+    pytest.importorskip("onnx")
+    model = writers.sb3_model(algo, ENV)
+    module = Deterministic(model.policy if algo == "PPO" else model.policy.actor)
+    writers.write_onnx(module, 4, tmp_path / "m.onnx")
+    core = core_of(tmp_path / "m.onnx", action_scale=1.0 if algo == "PPO" else "bounds")
+    assert difference(core, lambda o: model.predict(o, deterministic=True)[0]) <= 1e-5
+
+
+@pytest.mark.parametrize("squash", [False, True])
+def test_onnx_of_our_own_export(tmp_path, squash):
+    pytest.importorskip("onnxscript")
+    architecture = Architecture(4, 1, (16, 16), "gelu", squash=squash)
+    policy = ScratchPolicy.create(architecture, Streams(0).torch("x"), init_std=0.5, normalize=True)
+    policy.update_normalizer(torch.from_numpy(writers.observations(4)))
+    export_onnx(Subject(policy, ENV), tmp_path / "m.onnx")
+    observation = writers.observations(4)
+    core = core_of(tmp_path / "m.onnx", action_scale=1.0)
+    assert np.abs(core.policy().act(observation) - policy.act(observation)).max() <= 1e-5
 
 
 @pytest.mark.skipif(importlib.util.find_spec("sbx") is None, reason="sbx is in the bench extra")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+import math
 import re
 from typing import Any
 
@@ -32,11 +33,11 @@ class DType:
         Raises:
             FormatError: they are no numbers, or of another size.
         """
-        sizes = tuple(shape) if isinstance(shape, tuple | list) else (shape,)
+        sizes = [n for n in (shape if isinstance(shape, tuple | list) else (shape,)) if type(n) is int and n >= 0]
         if not isinstance(data, bytes | bytearray) or not NUMBERS.fullmatch(self.code):
             raise FormatError("an array of it has no numbers")
         flat = np.frombuffer(data, np.dtype(self.order + self.code))
-        if not all(isinstance(size, int) and size >= 0 for size in sizes) or np.prod(sizes, dtype=object) != flat.size:
+        if math.prod(sizes) != flat.size or (isinstance(shape, tuple | list) and len(sizes) < len(shape)):
             raise FormatError("an array of it has another size than its shape")
         return flat.reshape(sizes).astype(np.float64)
 
@@ -51,8 +52,8 @@ class Array(Inert):
         if isinstance(state, tuple) and len(state) == 5 and isinstance(state[2], DType) and isinstance(state[4], bytes):
             _, shape, dtype, fortran, data = state
             if NUMBERS.fullmatch(dtype.code):
-                self.value = dtype.read(data, tuple(reversed(shape)) if fortran else shape)
-                self.value = self.value.T if fortran else self.value
+                value = dtype.read(data, tuple(reversed(shape)) if fortran else shape)
+                self.value = value.T if fortran else value
 
 
 def _scalar(dtype: object, data: object = b"") -> object:

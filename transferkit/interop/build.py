@@ -115,13 +115,13 @@ def _actions(foreign: Foreign, spec: IOSpec, given: Given) -> Actions:
         )
     if given.action_scale is None and foreign.bounds is not None:
         _check_bounds(foreign.bounds, low, high, spec.env_id)
-    if outputs == "bounds":
+    if outputs == "bounds" and foreign.gain == 1:
         return Actions(torch.ones_like(half), torch.zeros_like(half), low, high)
+    outputs = foreign.gain * half if outputs == "bounds" else foreign.gain * outputs + torch.zeros_like(half)
     actions = Actions(outputs / half, -centre / half, low, high)
     if foreign.squash and not (torch.allclose(actions.scale, torch.ones_like(half)) and bool((centre == 0).all())):
         raise FormatError(
-            f"its actions go to {outputs:g} by tanh, those of {spec.env_id} from {low.tolist()} to {high.tolist()}; it was "
-            "trained in another"
+            f"its actions go to {outputs.tolist()} by tanh, those of {spec.env_id} from {low.tolist()} to {high.tolist()}"
         )
     return actions
 

@@ -51,8 +51,9 @@ def read_cleanrl(saved: object) -> Foreign:
         f"CleanRL {HEADS[head]}",
         [*_numbered(actor, (head, "fc_logstd", "action_scale", "action_bias")), linear(actor, head)],
         "relu",
-        float(scale[0]),
+        1.0,
         squash=True,
+        gain=float(scale[0]),
         normalized=False,
         critics=critics[:2],  # what lies behind them are target networks
         critic_actions=1.0,

@@ -69,6 +69,8 @@ class Foreign:
     """Of the actions where it was trained, if the file says so and they are the same for all."""
     squash: bool = False
     """Whether the mean is bounded by tanh."""
+    gain: float = 1.0
+    """What the tanh is multiplied by."""
     statistics: Statistics | None = None
     normalized: bool | None = None
     """Whether it saw normalised observations; None if the file does not say."""

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 import torch
 
 from transferkit.interop.foreign import Foreign, Layer, Statistics
-from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, steps_of
+from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, Step, steps_of
 from transferkit.reading import FormatError
 
 if TYPE_CHECKING:
-    from transferkit.interop.onnx_graph import Step
+    from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, Step, steps_of
 
 
 def read_onnx(data: bytes) -> Foreign:
-    """Read a policy.
+    """Read a policy; what its outputs are in the environment, no graph says.
 
     Raises:
         ConfigError: the package onnx is not installed.
@@ -28,13 +28,16 @@ def read_onnx(data: bytes) -> Foreign:
     layers, activations, end = _mlp(steps[first:])
     if len(set(activations)) != 1:
         raise FormatError(f"it has the activations {sorted(set(activations))}; one for all hidden layers is read")
-    squash, scale, notes = _end(end)
+    squash, gain, notes = _end(end)
+    if not squash:
+        layers[-1] = Layer(layers[-1].weight * gain, layers[-1].bias * gain)
     return Foreign(
         "ONNX",
         layers,
         activations[0],
-        scale,
+        None,
         squash=squash,
+        gain=gain if squash else 1.0,
         statistics=statistics,
         normalized=statistics is not None,
         notes=notes,
@@ -53,6 +56,9 @@ def _fused(steps: Sequence[Step]) -> list[Step]:
         elif isinstance(step, Affine) and isinstance(before, Affine):
             _check_size(step, len(before.scale))
             fused[-1] = Affine(before.scale * step.scale, before.shift * step.scale + step.shift)
+        elif isinstance(step, Sized):
+            if isinstance(before, Layer) and step.size not in (-1, len(before.bias)):
+                raise FormatError(f"it reshapes {len(before.bias)} numbers to rows of {step.size}")
         else:
             fused.append(step)
     return fused
@@ -78,22 +84,26 @@ def _mlp(steps: Sequence[Step]) -> tuple[list[Layer], list[str], Sequence[Step]]
     raise FormatError("it is not a chain of linear layers with activations between them")
 
 
-def _end(steps: Sequence[Step]) -> tuple[bool, float | None, list[str]]:
-    """What follows the last layer: perhaps tanh, a scale, and a clip that the environment has, too."""
-    steps, scale, notes = list(steps), None, []
-    squash = bool(steps) and steps[0] == Nonlinear("tanh")
-    steps = steps[1:] if squash else steps
-    if squash and steps and isinstance(steps[0], Affine):
-        scales, shift = steps[0].scale, steps[0].shift
-        if bool((scales != scales[:1]).any()) or bool((shift != 0).any()) or scales[0] <= 0:
-            raise FormatError("behind its tanh is not one scale for all actions")
-        scale, steps = float(scales[0]), steps[1:]
-    if steps and isinstance(steps[0], Clip):
-        notes.append(f"it clips its outputs from {steps[0].low:g} to {steps[0].high:g}, a core at the environment's bounds")
-        steps = steps[1:]
-    if steps:
-        raise FormatError(f"its last layer is followed by {type(steps[0]).__name__.lower()}, which is not read")
-    return squash, scale, notes
+def _end(steps: Sequence[Step]) -> tuple[bool, float, list[str]]:
+    """What follows the last layer: perhaps tanh, a clip, one scale for all actions, and a clip again."""
+    rest, gain, notes = list(steps), 1.0, []
+    squash = rest[:1] == [Nonlinear("tanh")]
+    rest = rest[1:] if squash else rest
+    for step in rest[:3]:
+        if isinstance(step, Clip):
+            low, high = step.low, step.high
+            notes = [] if squash else [f"it clips its outputs from {low:g} to {high:g}, a core at the environment's bounds"]
+            if squash and (low > -gain or high < gain):
+                raise FormatError("it clips its outputs behind tanh")
+        elif isinstance(step, Affine) and gain == 1 and step.scale[0] > 0:
+            if bool((step.scale != step.scale[:1]).any()) or bool((step.shift != 0).any()):
+                raise FormatError("its outputs are not scaled alike, or are shifted")
+            gain = float(step.scale[0])
+        else:
+            raise FormatError(f"its last layer is followed by {type(step).__name__.lower()}, which is not read")
+    if rest[3:]:
+        raise FormatError("its last layer is followed by more than tanh, clips and a scale")
+    return squash, gain, notes
 
 
 def _statistics(steps: Sequence[Step]) -> Statistics | None:

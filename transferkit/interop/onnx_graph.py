@@ -26,7 +26,12 @@ ACTIVATIONS = {
 }
 """Names in ONNX, ours, and the `alpha` that ours has."""
 
-PASS = ("Identity", "Flatten", "Dropout")
+PASS = ("Identity", "Flatten", "Dropout", "Expand")
+"""Operations that change no number of a row; torch's distributions expand to the shape that is there."""
+
+
+FLOATS = (1, 11)
+"""ONNX's codes of float32 and float64."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,14 @@ class Nonlinear:
     name: str
 
 
-Step = Layer | Affine | Clip | Nonlinear
+@dataclass(frozen=True)
+class Sized:
+    """Rows of so many numbers; -1 if it is not said."""
+
+    size: int
+
+
+Step = Layer | Affine | Clip | Nonlinear | Sized
 
 
 def steps_of(data: bytes) -> list[Step]:
@@ -102,7 +114,8 @@ class _Graph:
             raise FormatError("its graph is not a chain of known operations from its input")
         if silu := self._silu(node):
             return Nonlinear("silu"), silu
-        before = [name for name in node.input if name and name not in self._tensors]
+        inputs = node.input[:1] if node.op_type == "Expand" else node.input
+        before = [name for name in inputs if name and name not in self._tensors]
         if len(before) != 1:
             raise FormatError(f"an operation {node.op_type} of it joins {len(before)} values; only plain MLPs are read")
         return self._read(node, before[0]), before[0]
@@ -119,7 +132,7 @@ class _Graph:
 
     def _read(self, node: Any, before: str) -> Step | None:  # noqa: ANN401
         kind, first = node.op_type, node.input[0] == before
-        if kind in PASS:
+        if kind in PASS or (kind == "Cast" and self._attribute(node, "to", 0) in FLOATS):
             return None
         if kind in ACTIVATIONS:
             name, alpha = ACTIVATIONS[kind]
@@ -127,6 +140,11 @@ class _Graph:
             if own != (alpha, b"none") and kind != "Selu":
                 raise FormatError(f"its {kind} has other settings than torch's")
             return Nonlinear(name)
+        if kind == "Reshape":
+            shape = self._constant(node.input[1]).tolist()
+            if len(shape) != 2 or shape[0] not in (-1, 0, 1):
+                raise FormatError("it reshapes its values to other than rows")
+            return Sized(int(shape[1]))
         if kind == "Clip":
             low, high = (self._constant(name) if name else None for name in (*node.input[1:], "", "")[:2])
             return Clip(*(end if bound is None else float(bound) for bound, end in ((low, -torch.inf), (high, torch.inf))))
@@ -156,7 +174,7 @@ class _Graph:
     def _constant(self, name: str) -> Tensor:
         tensor = self._tensors.get(name)
         if tensor is None or tensor.data_location == self._onnx.TensorProto.EXTERNAL:
-            raise FormatError(f"its numbers {name} are not in the file")
+            raise FormatError(f"its numbers {name} are not in the file; export it with external_data=False")
         count = 1
         for size in tensor.dims:
             count *= max(int(size), 0)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.errors import ArtifactError, ConfigError
+from transferkit.files import MISFITS
 from transferkit.interop.archive import Archive
 from transferkit.interop.build import build_core
 from transferkit.interop.cleanrl import is_cleanrl, read_cleanrl
@@ -56,6 +57,8 @@ def read_core(path: Path, spec: IOSpec, given: Given, name: str) -> tuple[Core, 
         raise ArtifactError(f"{path} cannot be read: {error.strerror}") from None
     except FormatError as error:
         raise ArtifactError(f"{path} is not read: {error}") from None
+    except MISFITS as error:
+        raise ArtifactError(f"{path} is damaged ({type(error).__name__}: {' '.join(str(error).split())[:200]})") from None
     return core, foreign, notes
 
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from transferkit.interop import arrays
 from transferkit.interop.archive import Archive
@@ -42,10 +45,8 @@ def _vec_normalize(data: bytes) -> Statistics | None:
     running = state.get("obs_rms")
     if not isinstance(running, Inert):
         raise FormatError("its observations are a dictionary; only flat ones are read")
-    mean, var = (_numbers(running.state.get(name), name) for name in ("mean", "var"))
-    return _statistics(
-        mean, var, *(_positive(state.get(name), name) for name in ("epsilon", "clip_obs")), running.state.get("count")
-    )
+    epsilon, clip = (_positive(state.get(name), name) for name in ("epsilon", "clip_obs"))
+    return _statistics(running.state, epsilon, clip)
 
 
 def _arrays(data: bytes) -> Statistics:
@@ -53,19 +54,31 @@ def _arrays(data: bytes) -> Statistics:
     for member in archive.names:
         name = member.removesuffix(".npy")
         if name in ("mean", "var", "count", "epsilon", "clip"):
-            try:
-                found[name] = np.lib.format.read_array(io.BytesIO(archive.read(member)), allow_pickle=False)
-            except (ValueError, TypeError, EOFError, OverflowError, MemoryError) as error:
-                raise FormatError(f"its {name} is not an array: {' '.join(str(error).split())[:100]}") from None
-    epsilon, clip = (_positive(found.get(name, default), name) for name, default in (("epsilon", EPSILON), ("clip", CLIP)))
-    return _statistics(*(_numbers(found.get(name), name) for name in ("mean", "var")), epsilon, clip, found.get("count"))
+            found[name] = _array(archive.read(member), name)
+    epsilon, clip = (_positive(found.get(name, usual), name) for name, usual in (("epsilon", EPSILON), ("clip", CLIP)))
+    return _statistics(found, epsilon, clip)
 
 
-def _statistics(mean: torch.Tensor, var: torch.Tensor, epsilon: float, clip: float, count: object) -> Statistics:
+def _array(data: bytes, name: str) -> NDArray[np.generic]:
+    """Read one array of numpy's format, once its header is known to fit its bytes."""
+    try:
+        file = io.BytesIO(data)
+        read_header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+        shape, _, dtype = read_header[np.lib.format.read_magic(file)](file)
+        if math.prod(shape) * dtype.itemsize > len(data):
+            raise FormatError(f"its {name} is cut")
+        return np.lib.format.read_array(io.BytesIO(data), allow_pickle=False)
+    except FormatError:
+        raise
+    except Exception as error:  # of numpy, over damage
+        raise FormatError(f"its {name} is not an array: {' '.join(str(error).split())[:100]}") from None
+
+
+def _statistics(state: Mapping[str, Any], epsilon: float, clip: float) -> Statistics:
+    mean, var = (_numbers(state.get(name), name) for name in ("mean", "var"))
     if mean.shape != var.shape or bool((var < 0).any()):
         raise FormatError("its mean and variance differ in shape, or a variance is negative")
-    seen = 1.0 if count is None else _positive(count, "count")
-    return Statistics(mean, var + epsilon, clip, seen)
+    return Statistics(mean, var + epsilon, clip, _positive(state.get("count", 1.0), "count"))
 
 
 def _numbers(value: object, name: str) -> torch.Tensor:

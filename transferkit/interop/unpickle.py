@@ -95,7 +95,7 @@ def _check_opcodes(data: bytes) -> None:
         raise FormatError(f"its pickle has {len(data):,} bytes, at most {LARGEST:,} are read")
     try:
         for count, (opcode, argument, _) in enumerate(pickletools.genops(data)):
-            if (opcode.name in MEMO and argument > count) or opcode.name in EXTENSIONS:
+            if (opcode.name in MEMO and int(str(argument)) > count) or opcode.name in EXTENSIONS:
                 raise FormatError("its pickle was not written by pickle")
     except FormatError:
         raise
