@@ -39,8 +39,6 @@ class Actions:
 
     scale: Tensor
     shift: Tensor
-    low: Tensor
-    high: Tensor
 
 
 def build_core(foreign: Foreign, spec: IOSpec, given: Given, name: str, digest: str) -> tuple[Core, list[str]]:
@@ -57,6 +55,8 @@ def build_core(foreign: Foreign, spec: IOSpec, given: Given, name: str, digest: 
     layers, notes = list(foreign.layers), list(foreign.notes)
     if foreign.usual and given.activation is None:
         notes.append(f"activation {activation}, the library's usual one")
+    if not foreign.usual and foreign.activation not in (None, activation):
+        notes.append(f"activation {activation}, where the file says {foreign.activation}")
     if foreign.critics and foreign.statistics is not None:
         notes.append("its critics value rewards as its training scaled them")
     components: dict[str, Any] = {}
@@ -116,9 +116,9 @@ def _actions(foreign: Foreign, spec: IOSpec, given: Given) -> Actions:
     if given.action_scale is None and foreign.bounds is not None:
         _check_bounds(foreign.bounds, low, high, spec.env_id)
     if outputs == "bounds" and foreign.gain == 1:
-        return Actions(torch.ones_like(half), torch.zeros_like(half), low, high)
+        return Actions(torch.ones_like(half), torch.zeros_like(half))
     outputs = foreign.gain * half if outputs == "bounds" else foreign.gain * outputs + torch.zeros_like(half)
-    actions = Actions(outputs / half, -centre / half, low, high)
+    actions = Actions(outputs / half, -centre / half)
     if foreign.squash and not (torch.allclose(actions.scale, torch.ones_like(half)) and bool((centre == 0).all())):
         raise FormatError(
             f"its actions go to {outputs.tolist()} by tanh, those of {spec.env_id} from {low.tolist()} to {high.tolist()}"

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import torch
 
 from transferkit.interop.foreign import Foreign, Layer, Statistics
-from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, Step, steps_of
+from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, steps_of
 from transferkit.reading import FormatError
 
 if TYPE_CHECKING:
-    from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, Step, steps_of
+    from transferkit.interop.onnx_graph import Step
 
 
 def read_onnx(data: bytes) -> Foreign:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import torch
 from torch import Tensor
@@ -64,7 +64,7 @@ class Sized:
     size: int
 
 
-Step = Layer | Affine | Clip | Nonlinear | Sized
+Step: TypeAlias = Layer | Affine | Clip | Nonlinear | Sized
 
 
 def steps_of(data: bytes) -> list[Step]:
