@@ -13,6 +13,7 @@ from torch import nn
 from tests.interop import writers
 from transferkit import Subject, export_onnx
 from transferkit.envs import derive_spec, make_env
+from transferkit.errors import ConfigError
 from transferkit.interop import Given, read_core
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
@@ -70,6 +71,16 @@ def test_stable_baselines3_says_its_activation_and_layers(tmp_path):
     core = core_of(tmp_path / "m.zip", "Hopper-v5", stats="none")
     assert (core.architecture.activation, tuple(core.architecture.hidden)) == ("elu", (8, 24))
     assert difference(core, lambda o: model.predict(o, deterministic=True)[0], "Hopper-v5") <= 1e-5
+
+
+def test_other_bounds_than_the_environment_has_are_asked_about(tmp_path):
+    rescaled = gymnasium.wrappers.RescaleAction(gymnasium.make(ENV), np.float32(-1), np.float32(1))
+    model = writers.sb3_model("PPO", rescaled)
+    model.save(tmp_path / "m.zip")
+    with pytest.raises(ConfigError, match=r"the file's actions go from -1 to 1, those of InvertedPendulum-v5 from \[-3.0\]"):
+        core_of(tmp_path / "m.zip", stats="none")
+    core = core_of(tmp_path / "m.zip", stats="none", action_scale="bounds")
+    assert difference(core, lambda o: 3 * model.predict(o, deterministic=True)[0]) <= 1e-5
 
 
 @pytest.mark.parametrize("layout", [2, 3, 4, 5])

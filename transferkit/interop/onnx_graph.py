@@ -19,7 +19,7 @@ ACTIVATIONS = {
     "LeakyRelu": ("leaky_relu", 0.01),
     "Mish": ("mish", None),
     "Relu": ("relu", None),
-    "Selu": ("selu", None),
+    "Selu": ("selu", 1.673263),
     "Sigmoid": ("sigmoid", None),
     "Softplus": ("softplus", None),
     "Tanh": ("tanh", None),
@@ -136,8 +136,8 @@ class _Graph:
             return None
         if kind in ACTIVATIONS:
             name, alpha = ACTIVATIONS[kind]
-            own = self._attribute(node, "alpha", alpha), self._attribute(node, "approximate", b"none")
-            if own != (alpha, b"none") and kind != "Selu":
+            plain = {"alpha": alpha, "approximate": b"none", "gamma": 1.050701}
+            if any(self._attribute(node, key, value) != value for key, value in plain.items()):
                 raise FormatError(f"its {kind} has other settings than torch's")
             return Nonlinear(name)
         if kind == "Reshape":

@@ -121,9 +121,12 @@ def _steps(data: Mapping[str, Any]) -> int:
 
 
 def _bounds(data: Mapping[str, Any]) -> tuple[float, float] | None:
-    """The bounds of its actions, if they are written beside the pickle and are the same for all."""
+    """The bounds of its actions, if they are written beside the pickle, as `[-1. -1.]`, and are the same for all."""
     space = data.get("action_space")
-    try:
-        return (float(space["low_repr"]), float(space["high_repr"])) if isinstance(space, Mapping) else None
-    except (LookupError, TypeError, ValueError):
+    if not isinstance(space, Mapping):
         return None
+    try:
+        (low,), (high,) = ({float(word) for word in str(space.get(end)).strip("[]").split()} for end in ("low", "high"))
+    except ValueError:  # other words, or several bounds
+        return None
+    return low, high
