@@ -14,6 +14,7 @@ BLOCK = re.compile(r"(?ms)^```(?:\{code-block\} )?(python|sh|yaml)\n(?::caption:
 
 
 SAID = {
+    "bring_your_policy.md": ["zoo/pole-v1: Stable-Baselines3", "pole-v1: hashes, schema and probe outputs fit"],
     "own_environment.md": ["hinge_y.velocity[t-1]", "reproduced to the bit"],
     "matching.md": [
         "joint hinge_y2 (thigh_joint) = -1 hip",

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
     from transferkit.export import export_onnx as export_onnx
+    from transferkit.importing import import_core as import_core
     from transferkit.matching import load_match as load_match
     from transferkit.matching import save_match as save_match
     from transferkit.pairing import Pairing as Pairing
@@ -94,6 +95,7 @@ _HOMES = {
     ),
     "evaluation": ("Evaluation", "evaluate"),
     "export": ("export_onnx",),
+    "importing": ("import_core",),
     "matching": ("load_match", "save_match"),
     "pairing": ("Pairing",),
     "play.episodes": ("Shown", "play_episodes"),

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import re
-import shutil
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,8 +15,7 @@ from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.files import check_folder, writing
-from transferkit.nn import Architecture
+from transferkit.files import check_folder
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
@@ -27,8 +23,9 @@ from transferkit.run import RECORD, check_same, read_record
 from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
-from transferkit.zoo.artifact import ENSEMBLES, ensemble_card, normalizer_card, policy_card, save_core
+from transferkit.zoo.artifact import components_card
 from transferkit.zoo.card import Card, Score
+from transferkit.zoo.release import check_name, release
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
@@ -39,9 +36,6 @@ SCORE_SEED = 1
 """Evaluation seed of the stated score; evaluations during training use 0."""
 
 SCORE_EPISODES = 20
-
-UNFINISHED = ".unfinished"
-"""Folder in a zoo in which artifacts are written before they are moved to their place; no zoo lists what is so deep in it."""
 
 
 @dataclass(frozen=True)
@@ -67,8 +61,7 @@ class Recipe:
 
     def __post_init__(self) -> None:
         check(self)
-        if not re.fullmatch(r"[A-Za-z0-9_-][A-Za-z0-9._-]*", self.name):
-            raise SettingError("name", value=self.name, allowed="letters, digits, '-', '_' and '.', which is not the first")
+        check_name(self.name)
         if len({*self.seeds}) < len(self.seeds):
             raise SettingError("seeds", value=self.seeds, allowed="different from each other")
 
@@ -112,7 +105,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
     score = _score(recipe, returns)
     beside = [{} if recipe.policy_only else load_components(result.run_dir) for result in results]
     core = _core(recipe, config, policies, beside)
-    return _save(core, _card(recipe, config, core, results, score), folder)
+    return release(core, _card(recipe, config, core, results, score), folder)
 
 
 def _train_members(recipe: Recipe, config: TrainConfig) -> list[Result]:
@@ -148,21 +141,6 @@ def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
     return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
 
 
-def _save(core: Core, card: Card, folder: Path) -> Card:
-    """Write the artifact and move it to its place as a whole, where half of one would be taken for a released one."""
-    unfinished = folder.parent / UNFINISHED / folder.name
-    shutil.rmtree(unfinished, ignore_errors=True)  # of a call that was killed
-    try:
-        with writing(folder):
-            card = save_core(core, card, unfinished)
-            unfinished.rename(folder)
-    finally:
-        shutil.rmtree(unfinished, ignore_errors=True)
-        with suppress(OSError):  # another call writes there, too
-            unfinished.parent.rmdir()
-    return card
-
-
 def _core(
     recipe: Recipe,
     config: TrainConfig,
@@ -181,11 +159,7 @@ def _core(
 
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
-    assert isinstance(core.architecture, Architecture)  # nothing is wrapped here
-    components = {"policy": policy_card(core.architecture)}
-    components |= {name: ensemble_card(name, core.ensembles[name]) for name in ENSEMBLES if name in core.ensembles}
-    if "normalizer" in core.components:
-        components["normalizer"] = normalizer_card(core.spec.obs_dim)
+    components = components_card(core)
     return Card(
         id=recipe.id,
         description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from transferkit.config import TrainConfig
+from transferkit.config import EnvConfig, TrainConfig
 from transferkit.envs import dims_of, id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import DEFAULT_EPISODES, evaluate
@@ -63,7 +63,7 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
     if env is None or env == core.spec.env_id:
         home = id_from_file(core.spec.env_id, core.id, core.spec.env_id if env else None)
         value = core.critic(member).value if "critic" in core.ensembles else None
-        rules = TrainConfig.from_json(find_card(name).config).env_config
+        rules = EnvConfig() if Path(name).is_file() else TrainConfig.from_json(find_card(name).config).env_config
         return Subject(core.policy(member), home, value, **asdict(rules), about=about)
     return Subject(wrap(core, env, member=member), env, wrapped=True, about=about)
 

@@ -32,9 +32,13 @@ COMMANDS = {
     "replay": "simulate a recording again: check it, or make a video",
     "recover": "make a whole file of a recording that was cut",
     "export": "a policy as ONNX, recordings as a Minari dataset",
+    "import": "a policy of another library as a core",
     "pretrain": "train, check and write a core",
     "doctor": "check this installation and say what to mend",
 }
+MODULES = {"import": "import_"}
+"""Commands whose names Python keeps for itself."""
+
 KEPT = {"train": "; the last checkpoint is intact, --resume goes on from it"} | dict.fromkeys(
     ("pretrain", "quickstart"), "; the same command goes on from the last checkpoint"
 )
@@ -74,7 +78,7 @@ def _run(arguments: Sequence[str], *, as_json: bool) -> int:
     name = parser.parse_args(arguments[:1]).command
     if name not in COMMANDS:
         raise UnknownNameError("command", name, list(COMMANDS), topic="commands")
-    answer: Answer = importlib.import_module(f"transferkit.cli.{name}").main(arguments[1:])
+    answer: Answer = importlib.import_module(f"transferkit.cli.{MODULES.get(name, name)}").main(arguments[1:])
     answer.show(as_json=as_json)
     return answer.code
 

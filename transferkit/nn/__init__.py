@@ -4,13 +4,14 @@ from transferkit.nn import gaussian
 from transferkit.nn.critic import Critic, JointInput, StateCritic, Value
 from transferkit.nn.dynamics import Dynamics, Prediction
 from transferkit.nn.ensemble import Ensemble, EnsembleArchitecture, EnsembleLinear
-from transferkit.nn.layers import MLP, Linear, ResidualLinear, mlp, one_thread
+from transferkit.nn.layers import ACTIVATIONS, MLP, Linear, ResidualLinear, mlp, one_thread
 from transferkit.nn.learner import Learner
 from transferkit.nn.normalizer import Normalizer, Shared
 from transferkit.nn.optimizer import Part, PartAdam, flatten
 from transferkit.nn.policy_net import Architecture, PolicyNet
 
 __all__ = [
+    "ACTIVATIONS",
     "MLP",
     "Architecture",
     "Critic",

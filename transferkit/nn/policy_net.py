@@ -14,6 +14,8 @@ from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.nn.layers import Linear, mlp
 from transferkit.reading import Layers, Size
 
+Activation = Literal["tanh", "relu", "elu", "gelu", "leaky_relu", "mish", "selu", "sigmoid", "silu", "softplus"]
+
 GAINS = {"orthogonal": (math.sqrt(2), 0.01), "uniform": (None, None), "paper": (math.sqrt(2), 0.1)}
 """Gains of the hidden layers and of the heads, by initialisation; None keeps `nn.Linear`'s own."""
 
@@ -25,7 +27,7 @@ class Architecture:
     obs_dim: Size
     act_dim: Size
     hidden: Layers = (64, 64)
-    activation: Literal["tanh", "relu", "elu"] = "tanh"
+    activation: Activation = "tanh"
     std: Literal["parameter", "head"] = "parameter"
     """`parameter`: one bounded log-std per action. `head`: a linear head on the features, unbounded, as in the paper."""
     initialization: Literal["orthogonal", "uniform", "paper"] = "orthogonal"

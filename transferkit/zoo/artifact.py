@@ -21,6 +21,7 @@ from transferkit.streams import Streams
 from transferkit.tensors import check_enough, parse_tensors
 from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
 from transferkit.zoo.catalog import core_folders, find_core
+from transferkit.zoo.on_the_fly import imported
 from transferkit.zoo.readme import render
 from transferkit.zoo.run_core import core_of_run
 
@@ -41,16 +42,23 @@ PROBE_TOLERANCE = 1e-5
 def load_core(name: str | Path, *, env: str | None = None) -> Core:
     """Load a core by id or folder, after its hashes, schema, shapes and numbers are checked, or take a finished run as one.
 
+    A file of another library is imported as `import_core` does, if it says all that is needed.
+
     Args:
-        name: an id, the folder of a core, or the directory of a finished run.
+        name: an id, the folder of a core, the directory of a finished run, or a file of another library.
         env: an environment of yours, such as `module:MyEnv-v0`; only what you name may import a module for a run's record.
+            Of a file, the environment that its policy was trained in.
 
     Raises:
         UnknownNameError: there is no such core.
         ArtifactError: it is damaged, tampered with, or newer than this transferkit.
+        ConfigError: a file of another library does not say something.
+        DimensionError: a file of another library does not fit the environment.
         RunDirectoryError: a run that is unfinished, damaged, or cannot be a core.
     """
     own = Path(name)
+    if str(name) not in core_folders() and own.is_file():
+        return imported(own, env)
     if str(name) not in core_folders() and own.is_dir() and not (own / CARD).exists():
         if (own / RECORD).exists():
             return core_of_run(own, env)
@@ -135,6 +143,16 @@ def ensemble_card(kind: str, architecture: EnsembleArchitecture) -> ComponentCar
 def normalizer_card(obs_dim: int) -> ComponentCard:
     """Make the card's entry of the source's observation statistics, which are an end as a whole."""
     return ComponentCard("normalizer", {"obs_dim": obs_dim}, ("mean", "var", "count"), ())
+
+
+def components_card(core: Core) -> dict[str, ComponentCard]:
+    """Make the card's entries of all components of a core around which nothing is wrapped."""
+    assert isinstance(core.architecture, Architecture)
+    components = {"policy": policy_card(core.architecture)}
+    components |= {name: ensemble_card(name, core.ensembles[name]) for name in ENSEMBLES if name in core.ensembles}
+    if "normalizer" in core.components:
+        components["normalizer"] = normalizer_card(core.spec.obs_dim)
+    return components
 
 
 def check_files(card: Card) -> None:

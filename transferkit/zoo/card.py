@@ -70,6 +70,15 @@ class Training(TypedDict):
 
 
 @dataclass(frozen=True)
+class ImportedFrom:
+    """The file that a core was imported from."""
+
+    library: str
+    """That wrote it."""
+    sha256: Sha256
+
+
+@dataclass(frozen=True)
 class Card:
     """See docs/card.md."""
 
@@ -91,6 +100,8 @@ class Card:
     """sha256 of `core.safetensors` and of `probe.safetensors`; the README is generated from the card."""
     licence: str = "MIT"
     history: tuple[str, ...] = ()
+    origin: ImportedFrom | None = None
+    """If another library trained it."""
     schema: Annotated[int, msgspec.Meta(ge=1, le=SCHEMA)] = SCHEMA
     digest: str = ""
     """sha256 of all other fields as canonical JSON; empty until it is written."""

@@ -45,7 +45,8 @@ def verify(name: str | Path, *, rollout: bool = False, env: str | None = None) -
             for member in range(len(core.seeds))
         ]
         report["rollout_mean"], report["rollout_members"] = float(np.mean(means)), means
-        low, high = card.score.low * (1 - ROLLOUT_TOLERANCE), card.score.high * (1 + ROLLOUT_TOLERANCE)
+        low, high = card.score.low, card.score.high
+        low, high = low - ROLLOUT_TOLERANCE * abs(low), high + ROLLOUT_TOLERANCE * abs(high)
         if not low <= report["rollout_mean"] <= high:
             raise ArtifactError(
                 f"core {core.id} rolls out to {report['rollout_mean']:.1f}, its card says {card.score.mean:.1f} "

@@ -12,12 +12,12 @@ from typing import Any
 
 import torch
 
-from transferkit.pretrain import UNFINISHED
 from transferkit.record.reader import Contents, read
 from transferkit.run import load_state
 from transferkit.run.directory import CHECKPOINT
 from transferkit.zoo.artifact import load_core
 from transferkit.zoo.card import CARD
+from transferkit.zoo.release import UNFINISHED
 
 TIMES = {"seconds", "digest", "files"}
 """Fields that hold a time, or a hash over one."""

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.bench.kills.contents import HalfWrittenError, contents, files, general, recorded
-from transferkit.pretrain import UNFINISHED
 from transferkit.run import load_state
 from transferkit.run.directory import CHECKPOINT, RESULT
+from transferkit.zoo.release import UNFINISHED
 
 if TYPE_CHECKING:
     from experiments.bench.kills.contents import Found
