@@ -120,17 +120,23 @@ def typed(value: object, kind: type[T]) -> T:
 
 def _strict(value: object, kind: type[T]) -> T:
     """Take data as a value of this type, which has a field for every key."""
+    if dataclasses.is_dataclass(kind) and isinstance(value, dict):  # a slip in a name is said before what it leaves missing
+        _refuse_unknown(value, kind)
     result = typed(value, kind)
     _refuse_strangers(value, result)
     return result
 
 
+def _refuse_unknown(value: dict[Any, Any], kind: Any) -> None:  # noqa: ANN401 - a dataclass, or one of its values
+    known = [field.name for field in dataclasses.fields(kind)]
+    if strangers := sorted(map(str, value.keys() - set(known))):
+        raise FormatError(f"unknown {strangers[0]}; known are {', '.join(known)}")
+
+
 def _refuse_strangers(value: object, result: object) -> None:
     """Refuse keys that no field of a dataclass has taken, at any depth."""
     if isinstance(value, dict) and dataclasses.is_dataclass(result):
-        known = [field.name for field in dataclasses.fields(result)]
-        if strangers := sorted(map(str, value.keys() - set(known))):
-            raise FormatError(f"unknown {strangers[0]}; known are {', '.join(known)}")
+        _refuse_unknown(value, result)
         for name, inner in value.items():
             _refuse_strangers(inner, getattr(result, name))
     elif isinstance(value, list) and isinstance(result, tuple | list):

@@ -43,7 +43,7 @@ def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core
         ("hinge_y:", "hinge_yy:", "unknown joint of the source in the match 'hinge_yy'; did you mean hinge_y"),
         ("{drive.slide_x: 2}", "{push: 2}", "unknown actuator of the source in the match 'push'; known are drive.slide_x"),
         (f"target: {TWO}", "target: Hopper-v5", f"the match has target Hopper-v5, and is used with {TWO}"),
-        ("copies:", "copis:", "the match .* is none: Object missing required field `copies`"),
+        ("copies:", "copis:", "the match .* is none: unknown copis; known are source, target, copies, length, hold, forces"),
         ("joints:", "joint:", "the match .* is none: unknown joint; known are joints, actions, shift, inputs"),
         ("-1.0", "left", "the match .* is none: Expected `float`, got `str`"),
         ("-1.0", ".inf", "the match .* is none: its numbers must be finite"),

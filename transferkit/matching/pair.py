@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from transferkit.matching.tree import Tree
     from transferkit.pairing import Angles, Combination, Forces, Limbs
-    from transferkit.spec import IOSpec, Joint
+    from transferkit.spec import Actuator, IOSpec, Joint
 
 MOST_COPIES = 8
 
@@ -173,7 +173,7 @@ class Driver:
             joint = actuator.joint
             if joint not in pairs:
                 continue
-            driving = [one.name for one in self._target.action if one.joint == pairs[joint]]
+            driving = self._driving(actuator, pairs[joint])
             sharing = {one.joint for one in self._source.action if one.joint in pairs and pairs[one.joint] == pairs[joint]}
             sign = float(np.sign(np.dot(self._axes[0][joint], self._axes[1][pairs[joint]])))
             sign /= bearing[joint] if self._load else len(sharing)
@@ -183,3 +183,11 @@ class Driver:
                 share = self._own[actuator.name] / together * float(np.sign(self._others[name])) if known else 1.0
                 found.setdefault(name, {})[actuator.name] = sign * share
         return found
+
+    def _driving(self, actuator: Actuator, to: str) -> list[str]:
+        """The target's actuators that do what one of the source does; of the same motors on a joint, each its own."""
+        own, others = (
+            [one.name for one in spec.action if one.joint == joint]
+            for spec, joint in ((self._source, actuator.joint), (self._target, to))
+        )
+        return [actuator.name] if own == others else others

@@ -75,7 +75,7 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         "seed": seed,
         "episodes": episodes,
         "command": command(),
-        "hold": subject.policy.hold,
+        "hold": getattr(subject.policy, "hold", 1),  # not every actor is a policy
         **rules,
         **(subject.about or {}),
     }
