@@ -21,6 +21,7 @@ from transferkit.policy.health import health
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import components_card
 from transferkit.zoo.card import Card, ImportedFrom, Score
+from transferkit.zoo.find import Played
 from transferkit.zoo.release import check_name, release
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def run_import(file: Path, env: EnvLike, given: Given, target: Target | None) ->
 
 
 def _probation(returns: tuple[float, ...], zero: tuple[float, ...]) -> list[str]:
-    better = sum(own > other for own, other in zip(returns, zero, strict=False))
+    better = Played(returns[:PROBATION], zero).better
     if better > PROBATION // 2:
         return []
     means = f"{np.mean(returns[:PROBATION]):.1f} against {np.mean(zero):.1f}"

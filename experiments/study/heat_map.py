@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from experiments.matrix.table import Row
     from experiments.study.rooms import Study
 
-BELOW = 0.55
-"""Share of the range from which text is dark on light."""
+LIGHT = 0.55
+"""Share of the range from which cells are so light that their text is dark."""
 
 
 def draw_heat_map(study: Study) -> Figure:
-    """A line for every core, a column for every target: the mean over members, framed if it is above every control."""
+    """A line for every core, a column for every target: the mean over members, bold if it is above every control."""
     rows = study.rows
     cores, targets = sorted({row.core for row in rows if row.core}), sorted({row.target for row in rows})
     size = (3 + 0.9 * len(targets), 2 + 0.42 * len(cores))
@@ -35,7 +35,7 @@ def draw_heat_map(study: Study) -> Figure:
         if np.isfinite(share):
             own = _mean(_of(rows, TRANSFER, cores[i], targets[j]))
             wins = own > max(_mean(_of(rows, arm, cores[i], targets[j])) for arm in _controls(rows))
-            colour = "black" if share > BELOW else "white"
+            colour = "black" if share > LIGHT else "white"
             axis.text(j, i, f"{own:.0f}", ha="center", va="center", color=colour, fontweight="bold" if wins else "normal")
     axis.set_xticks(range(len(targets)), [verbatim(_short(name)) for name in targets], rotation=40, ha="right")
     axis.set_yticks(range(len(cores)), [verbatim(name) for name in cores])

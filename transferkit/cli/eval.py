@@ -5,20 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from transferkit.cli.answer import Answer, parser, whole
-from transferkit.cli.environment import add_environment, environment
-from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE
+from transferkit.cli.subject import add_subject, subject_of
+from transferkit.config.checks import AT_LEAST_ONE
 
 
 def main(arguments: Sequence[str]) -> Answer:
     """Evaluate the final policy of a run."""
     flags = parser("eval", "Play the final policy of a run, or a core, deterministically.")
-    flags.add_argument("name", metavar="RUN|CORE", help="directory of a finished training run, or a core's id or folder")
-    flags.add_argument("--episodes", type=whole("episodes", EPISODES), default=20)
-    flags.add_argument(
-        "--seed", type=whole("seed", NOT_NEGATIVE), default=0, help="of the episodes' starts; 0 is the one training reports"
-    )
-    add_environment(flags, "environment to play in; a core or a run is wrapped onto another than its own")
-    flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
+    add_subject(flags, episodes=20)
     flags.add_argument(
         "--max-episode-steps",
         type=whole("max_episode_steps", AT_LEAST_ONE),
@@ -26,10 +20,9 @@ def main(arguments: Sequence[str]) -> Answer:
     )
     options = flags.parse_args(arguments)
     from transferkit.cli.progress import evaluation_progress  # noqa: PLC0415 - torch takes seconds to import
-    from transferkit.subject import evaluate_subject, home_of, load_subject  # noqa: PLC0415
+    from transferkit.subject import evaluate_subject  # noqa: PLC0415
 
-    env = environment(options, lambda: home_of(options.name))
-    subject = load_subject(options.name, env=env, member=options.member, values=False)
+    subject = subject_of(options, values=False)
     scores = evaluate_subject(
         subject,
         episodes=options.episodes,

@@ -43,10 +43,8 @@ def main(arguments: Sequence[str]) -> Answer:
         save_match(pairing, options.yaml)
     inputs, actions = coverage(arrays, source)
     data: dict[str, Any] = {"inputs": inputs, "actions": actions, "holds": arrays.holds, **as_plain(pairing)}
-    head = (
-        f"{options.source} on {target.env_id}: {_share(inputs, source.obs_dim)} inputs and {_share(actions, source.act_dim)} "
-    )
-    head += "actions are matched"
+    matched = f"{_share(inputs, source.obs_dim)} inputs and {_share(actions, source.act_dim)} actions"
+    head = f"{options.source} on {target.env_id}: {matched} are matched"
     note = "" if arrays.holds else "\nnothing crosses: a core that is wrapped there begins with random adapters"
     written = f"\n{options.yaml}: edit it, and hand it to `transferkit train --match {options.yaml}`" if options.yaml else ""
     return Answer(data, f"{head}\n{explain(arrays, source, target)}{note}{written}")

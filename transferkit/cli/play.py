@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser, whole
-from transferkit.cli.environment import add_environment, environment
-from transferkit.config.checks import EPISODES, NOT_NEGATIVE
+from transferkit.cli.subject import add_subject, episode_rows, subject_of
 from transferkit.errors import ConfigError
 from transferkit.files import check_new
 from transferkit.play.limits import SECONDS, SECONDS_ALLOWED, STRIP, VIDEO
@@ -31,13 +30,7 @@ def main(arguments: Sequence[str]) -> Answer:
         "play",
         "Play a run's final policy or a core and show it: in MuJoCo's viewer, in real time, or without a display in a file.",
     )
-    flags.add_argument("name", metavar="RUN|CORE", help="directory of a finished run, or a core's id or folder")
-    add_environment(flags, "environment to play in; a core or a run is wrapped onto another than its own")
-    flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
-    flags.add_argument("--episodes", type=whole("episodes", EPISODES), default=1)
-    flags.add_argument(
-        "--seed", type=whole("seed", NOT_NEGATIVE), default=0, help="of the episodes' starts; 0 is the one training reports"
-    )
+    add_subject(flags)
     flags.add_argument("--out", type=Path, metavar="FILE.mp4|FILE.png", help="a video, or a strip of pictures of one episode")
     flags.add_argument(
         "--seconds", type=whole("seconds", SECONDS_ALLOWED), help=f"simulated time in a file at most, by default {SECONDS}"
@@ -53,24 +46,17 @@ def main(arguments: Sequence[str]) -> Answer:
 def _in_a_window(options: argparse.Namespace) -> Answer:
     if options.seconds is not None:
         raise ConfigError("{seconds} is of a file, and the viewer shows whole episodes", remedy="give {out}, or leave it out")
-    subject = _subject(options)
+    subject = subject_of(options, values=False)
     return _answer(options, subject, _played(options, subject, None), "shown in MuJoCo's viewer", None)
 
 
 def _in_a_file(options: argparse.Namespace, why: str) -> Answer:
     choose_renderer()  # before mujoco is imported: PyOpenGL stays with what it was first loaded for
-    subject = _subject(options)
+    subject = subject_of(options, values=False)
     out = options.out or Path(_file_name(options.name, options.member, str(subject.env)))
     check_new(out, "out", VIDEO, STRIP)
     shown = _played(options, subject, out)
     return _answer(options, subject, shown, f"{why}: wrote {out}" if why else f"wrote {out}", out)
-
-
-def _subject(options: argparse.Namespace) -> Subject:
-    from transferkit.subject import home_of, load_subject  # noqa: PLC0415 - torch takes seconds to import
-
-    env = environment(options, lambda: home_of(options.name))
-    return load_subject(options.name, env=env, member=options.member, values=False)
 
 
 def _played(options: argparse.Namespace, subject: Subject, out: Path | None) -> Shown:
@@ -92,8 +78,7 @@ def _answer(options: argparse.Namespace, subject: Subject, shown: Shown, what: s
     returns = ", ".join(f"{episode.total:.1f}" for episode in shown.episodes)
     text = f"{what}; {count} {'episode' if count == 1 else 'episodes'}, {steps} steps, return {returns}"
     lines = [text, *_notes(options, subject, shown, out)]
-    rows = [{"seed": episode.seed, "steps": episode.steps, "return": episode.total} for episode in shown.episodes]
-    data = asdict(shown) | {"file": None if out is None else str(out), "episodes": rows}
+    data = asdict(shown) | {"file": None if out is None else str(out), "episodes": episode_rows(shown.episodes)}
     return Answer(data, "\n".join(lines))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from transferkit.matching.align import Aligner
 from transferkit.matching.scales import hold_steps, kept, length_scale, mass, strength
-from transferkit.matching.tree import below, kinematic_tree, parallel
+from transferkit.matching.tree import below, parallel
 from transferkit.pairing import Copy, Pairing
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def pair(
     keeps = kept(forces, source, target)
     scale = length_scale(source, target, first, limbs=keeps == "load")
     every = _copied(aligner, _shared(aligner, first)) if limbs == "all" else [first]
-    read = _Reader(source, target, angles)
+    read = _Reader(source, target, aligner.trees, angles)
     drive = Driver(source, target, scale, load=keeps == "load")
     copies = []
     for number, pairs in enumerate(every):
@@ -101,10 +101,10 @@ def _left_out(tree: Tree, matched: Iterable[str]) -> list[tuple[str, str | None]
 class _Reader:
     """What each matched joint of the source reads of the target."""
 
-    def __init__(self, source: IOSpec, target: IOSpec, angles: Angles) -> None:
+    def __init__(self, source: IOSpec, target: IOSpec, trees: tuple[Tree, Tree], angles: Angles) -> None:
         self._source, self._target = ({joint.name: joint for joint in spec.joints} for spec in (source, target))
-        self._trees = kinematic_tree(source.joints), kinematic_tree(target.joints)
-        self.parents = tuple({child: upper for upper in tree for child in tree[upper]} for tree in self._trees)
+        self._trees = trees
+        self.parents = tuple({child: upper for upper in tree for child in tree[upper]} for tree in trees)
         self._carried = angles == "carried"
 
     def joints(self, pairs: Pairs) -> dict[str, Combination]:

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from transferkit.config import PRESETS, preset_version
 from transferkit.envs import derive_spec
 from transferkit.evaluation import ZeroPolicy, evaluate
-from transferkit.matching import compiled, coverage, find_pairing
+from transferkit.matching import compiled, coverage
 from transferkit.policy.make import wrap
+from transferkit.policy.matches import match as pairing_of
 from transferkit.zoo.artifact import load_core
 from transferkit.zoo.catalog import list_cards
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from transferkit.envs import EnvLike
     from transferkit.errors import ArtifactError
     from transferkit.matching import Match
-    from transferkit.spec import IOSpec
     from transferkit.zoo.card import Card
 
 EPISODES = 5
@@ -76,7 +75,7 @@ def find_cores(env: EnvLike, *, preset: str = "default") -> tuple[list[Found], l
     target, (cards, errors) = derive_spec(env), list_cards()
     found = []
     for card in cards:
-        match = matched(card.source, target, preset)
+        match = compiled(pairing_of(card.source, target, preset=preset), card.source, target)
         if match.holds:
             found.append(_found(card, match))
     return sorted(found, key=lambda one: -one.share), errors
@@ -86,12 +85,6 @@ def _found(card: Card, match: Match) -> Found:
     assert match.pairing is not None
     shares, pairing = coverage(match, card.source), match.pairing
     return Found(card.id, card.source.env_id, *shares, match.hold, match.copies, round(pairing.length, 4), pairing.forces)
-
-
-def matched(source: IOSpec, target: IOSpec, preset: str = "default") -> Match:
-    """Match two specs by a preset's settings."""
-    config = PRESETS["ppo"][preset_version("ppo", preset)].wrap
-    return compiled(find_pairing(config, source, target), source, target)
 
 
 def play_found(
