@@ -1,12 +1,14 @@
 """One core that drives several limbs: Hopper's leg as both of the walker's."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from transferkit import Budget, load_core, train, wrap
 from transferkit.envs import derive_spec
-from transferkit.nn import Architecture, Normalizer, PolicyNet
+from transferkit.nn import Architecture, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
 from transferkit.policy.core import Core, stack_members
 from transferkit.streams import Streams
 
@@ -63,3 +65,13 @@ def test_a_walker_that_was_trained_on_two_copies_is_a_core_itself(leg, tmp_path,
     assert core.architecture.blueprint["match"]["copies"] == 2
     again, observation = wrap(core, WALKER, residual=0), np.random.default_rng(2).normal(size=(3, 17)).astype(np.float32)
     np.testing.assert_allclose(again.act(observation), policy.act(observation), rtol=1e-4, atol=1e-4)
+
+
+def test_critics_of_one_leg_do_not_judge_two(leg, tmp_path):
+    architecture = EnsembleArchitecture(2, 14, 1, (8,))
+    state = {f"ensemble.{name}": tensor for name, tensor in Ensemble(architecture).state_dict().items()}
+    core = replace(leg, components={**leg.components, "critic": stack_members([state])}, ensembles={"critic": architecture})
+    settings = {"dyna.critics": 2, "dyna.drawn_critics": "none", "dyna.updates_per_step": 1}
+    policy = wrap(core, WALKER, **OPTIONS, critic=True)
+    result = train(policy, WALKER, Budget(steps=200), algo="dyna-ddpg", settings=settings, eval_episodes=1, out=tmp_path)
+    assert result.steps == 200

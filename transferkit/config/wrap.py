@@ -51,10 +51,10 @@ class WrapConfig:
     lr_scale: Mapping[str, float] = field(default_factory=lambda: {"core": 0.3})
     """Learning rate of a part as a multiple of the trainer's."""
     critic: bool = False
-    """Wrap the core's critics too, if it has as many as the trainer wants; by default they are new, because with wrapped ones a
-    larger robot was learnt more slowly (study `residual`)."""
+    """Wrap the core's critics too, if it has as many as the trainer wants and drives one limb; by default they are new, because
+    with wrapped ones a larger robot was learnt more slowly (study `residual`)."""
     dynamics: bool = True
-    """Wrap the core's model too, if it has one; False starts with a new model."""
+    """Wrap the core's model too, if it has one and drives one limb; False starts with a new model."""
 
     def __post_init__(self) -> None:
         check(self, "wrap")

@@ -96,8 +96,10 @@ def _own(module: nn.Module, kind: type[M]) -> M:
 
 
 def _origin(policy: Policy, component: str, members: int) -> Origin | None:
-    """Where the policy's core comes from, if it has this component with as many members."""
+    """Where the policy's core comes from, if it has this component with as many members, and acts in one copy alone."""
     origin = policy.origin
     if origin is None or component not in origin.core.ensembles:
+        return None
+    if origin.match is not None and origin.match.copies > 1:  # a component judges one copy's inputs and actions
         return None
     return origin if origin.core.ensembles[component].members == members else None
