@@ -36,7 +36,7 @@ from transferkit.run import (
     read_record,
 )
 from transferkit.streams import Streams
-from transferkit.trainers.compilation import check_compiler, is_compiled
+from transferkit.trainers.compilation import check_compiler, is_captured, is_compiled
 from transferkit.trainers.make import make_trainer
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class Job:
 
     def trainer(self, prior: Transitions | None, *, compiled: bool) -> Trainer:
         """Make the trainer around the policy."""
-        if compiled:
+        if compiled and not is_captured(self.config):
             check_compiler()
         streams, device = Streams(self.config.seed), _device(self.config.device)
         spec_of, arrays = lambda: derive_spec(self.make_env()), prior.batch() if prior else None

@@ -73,7 +73,8 @@ class TrainConfig:
     device: str = "cpu"
     """Torch device of the networks, `cpu` or `cuda`."""
     compile: Literal["auto", "on", "off"] = "auto"
-    """Compile updates with a C++ compiler: `auto` does on a CPU if the budget pays for it. The results differ by rounding."""
+    """Compile updates with a C++ compiler: `auto` does on a CPU if the budget pays for it. The results differ by rounding.
+    DYNA-DDPG's on a CUDA device are replayed as graphs instead, with the same results."""
     experience: tuple[str, ...] = ()
     """dyna-ddpg: recordings (FILE.mcap) and Minari datasets (minari:NAME) to learn from before the first real step."""
     mapping: str | None = None

@@ -47,6 +47,8 @@ class Dynamics(nn.Module):
     """Mean of the targets (observation changes, then the reward), `(obs_dim + 1,)`."""
     std: Tensor
     """Their standard deviation, `(obs_dim + 1,)`."""
+    _sin: Tensor
+    _cos: Tensor
 
     def __init__(
         self,
@@ -64,7 +66,9 @@ class Dynamics(nn.Module):
         super().__init__()
         self.inputs, self.ensemble, self.obs_dim = inputs, ensemble, obs_dim
         self._kept = 0.0 if absolute else 1.0
-        self._sin, self._cos = [sin for sin, _ in angles], [cos for _, cos in angles]
+        self._has_angles = bool(angles)
+        for name, indices in zip(("_sin", "_cos"), zip(*angles, strict=True) if angles else ((), ()), strict=True):
+            self.register_buffer(name, torch.tensor(indices, dtype=torch.int64), persistent=False)
         self.register_buffer("mean", torch.zeros(obs_dim + 1))
         self.register_buffer("std", torch.ones(obs_dim + 1))
 
@@ -98,7 +102,7 @@ class Dynamics(nn.Module):
         mean, _, logit = self._outputs(observation, action)
         change = mean * self.std + self.mean
         following = self._kept * observation + change[..., :-1]
-        if self._sin:
+        if self._has_angles:
             sin, cos = following[..., self._sin], following[..., self._cos]
             radius = torch.hypot(sin, cos).clamp(min=EPSILON)
             following[..., self._sin], following[..., self._cos] = sin / radius, cos / radius

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import torch
 from torch import Tensor, nn
 
@@ -33,6 +35,12 @@ class Normalizer(nn.Module):
         self.register_buffer("_inverse_std", torch.ones(dim), persistent=False)
         self.register_load_state_dict_post_hook(_refresh)
         self.refresh()
+
+    def _apply(self, *args: Any, **kwargs: Any) -> Normalizer:  # noqa: ANN401 - torch's own
+        """Move to a device: what follows is computed there, as it will be once the statistics are loaded again."""
+        super()._apply(*args, **kwargs)
+        self.refresh()
+        return self
 
     def forward(self, x: Tensor) -> Tensor:
         """Normalise `x`, `(B, dim)`."""

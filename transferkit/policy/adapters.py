@@ -22,6 +22,9 @@ class InputAdapter(nn.Module):
     learns a correction in well-scaled units.
     """
 
+    sin: Tensor
+    cos: Tensor
+    """Where the sines and cosines of angles stand in observations."""
     weight: Tensor
     bias: Tensor
     form: Tensor
@@ -42,7 +45,8 @@ class InputAdapter(nn.Module):
         self.linear = Linear(d_target, self.copies * d_source, None if self.semantic else generator, gain=1.0)
         self._normalize, self._normalize_source = Shared(normalizer), Shared(source_normalizer)  # the policy owns both
         if match is not None:
-            self._sin, self._cos = list(match.sin), list(match.cos)
+            self.register_buffer("sin", torch.tensor(match.sin, dtype=torch.int64), persistent=False)
+            self.register_buffer("cos", torch.tensor(match.cos, dtype=torch.int64), persistent=False)
             self.register_buffer("weight", torch.tensor(match.weight), persistent=False)
             self.register_buffer("bias", torch.tensor(match.bias), persistent=False)
             rows = [[float(form == kind) for form in match.form] for kind in ("linear", "sin", "cos")]
@@ -59,7 +63,7 @@ class InputAdapter(nn.Module):
 
     def matched(self, observation: Tensor) -> Tensor:
         """Compute matched quantities in the source's physical units, `(..., copies * d_source)`; zero if nothing matched."""
-        angles = torch.atan2(observation[..., self._sin], observation[..., self._cos])
+        angles = torch.atan2(observation[..., self.sin], observation[..., self.cos])
         z = torch.cat([observation, angles], -1) @ self.weight.T + self.bias
         return self.form[0] * z + self.form[1] * z.sin() + self.form[2] * z.cos()
 

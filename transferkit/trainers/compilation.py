@@ -39,6 +39,8 @@ def is_compiled(config: TrainConfig, episode_limit: Callable[[], int | None], *,
                 remedy="leave {compile} out, or train into another {out}",
             )
         return recorded
+    if is_captured(config):
+        return config.compile != "off"
     if config.compile == "off" or (config.compile == "auto" and not _pays(config, episode_limit)):
         return False
     if config.compile == "on":
@@ -47,6 +49,11 @@ def is_compiled(config: TrainConfig, episode_limit: Callable[[], int | None], *,
         logging.getLogger("transferkit").warning("updates are not compiled, which would be faster: %s; %s", reason, REMEDY)
         return False
     return True
+
+
+def is_captured(config: TrainConfig) -> bool:
+    """Whether the updates would be replayed as CUDA graphs, which takes no compiler and no time."""
+    return config.device.startswith("cuda") and config.algo == "dyna-ddpg"
 
 
 def check_compiler() -> None:
@@ -60,7 +67,7 @@ def check_compiler() -> None:
 
 
 def _pays(config: TrainConfig, episode_limit: Callable[[], int | None]) -> bool:
-    """Whether the budget has room for enough updates; on an accelerator nobody has measured it."""
+    """Whether the budget has room for enough updates; PPO's on an accelerator nobody has measured."""
     if config.device != "cpu":
         return False
     by_episodes = EPISODE_SHARE * config.episodes * (episode_limit() or NO_LIMIT) if config.episodes else 0

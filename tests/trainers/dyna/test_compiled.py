@@ -95,7 +95,8 @@ def test_a_compiler_that_fails_is_named_in_one_line(monkeypatch, tmp_path):
     ("algo", "budget", "pays"),
     [
         ("dyna-ddpg", {"steps": 20_000}, True),
-        ("dyna-ddpg", {"steps": 20_000, "device": "cuda"}, False),
+        ("dyna-ddpg", {"steps": 9, "device": "cuda"}, True),  # captured, which costs nothing
+        ("ppo", {"steps": 1_000_000, "device": "cuda"}, False),
         ("dyna-ddpg", {"seconds": 60}, False),
         ("ppo", {"steps": 1_000_000}, True),
         ("ppo", {"episodes": 200}, False),  # two poles fall after ten steps, and the quickstart must not wait

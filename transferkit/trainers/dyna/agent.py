@@ -82,7 +82,7 @@ class Agent:
         self.exploration, self.batches = streams.torch("action noise", device), streams.torch("minibatches", device)
         self.imagination = streams.torch("imagination", device)
         self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
-        self.networks, self.programs = Networks(actor, critics, self.first_policy), programs(compiles=compiles)
+        self.networks, self.programs = Networks(actor, critics, self.first_policy), programs(device, compiles=compiles)
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded, self._held, self.steps, self._age = False, None, 0, 0
         self.losses: dict[str, Tensor] = {}

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import torch
 from torch import Tensor
 
+from transferkit.nn.captured import Captured
 from transferkit.nn.compiled import compiled
 from transferkit.trainers.dyna.fit import update_model
 from transferkit.trainers.dyna.imagine import imagined_step
@@ -26,7 +28,9 @@ class Programs(NamedTuple):
     imagined_step: Callable[..., tuple[Batch, Tensor]]
 
 
-def programs(*, compiles: bool) -> Programs:
-    """Return them, to be compiled when they are first called or not."""
+def programs(device: torch.device, *, compiles: bool) -> Programs:
+    """Return them as they are, or to be compiled when they are first called; on a CUDA device, to be captured."""
     functions: tuple[Any, ...] = (td_target, update, update_model, imagined_step)
-    return Programs(*(map(compiled, functions) if compiles else functions))
+    if not compiles:
+        return Programs(*functions)
+    return Programs(*map(Captured if device.type == "cuda" else compiled, functions))

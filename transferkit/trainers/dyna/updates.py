@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import torch
@@ -15,8 +14,7 @@ if TYPE_CHECKING:
     from transferkit.policy.base import Policy
 
 
-@dataclass(frozen=True)
-class Networks:
+class Networks(NamedTuple):
     """What learns, and what it is held to."""
 
     actor: Learner
