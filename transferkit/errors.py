@@ -123,6 +123,10 @@ class ArtifactError(TransferkitError):
     """A core artifact that is damaged, tampered with, too new, or below its threshold."""
 
 
+class RemoteError(TransferkitError):
+    """A zoo elsewhere that cannot be reached, or that does not send what it said."""
+
+
 class DimensionError(TransferkitError):
     """Two sides whose dimensions do not fit."""
 

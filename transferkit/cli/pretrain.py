@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Annotated
 
 import tyro
@@ -11,9 +11,9 @@ import tyro
 from transferkit.cli.answer import Answer
 from transferkit.cli.environment import gathered, with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
-from transferkit.cli.zoo import summary
 from transferkit.config import TrainConfig, check_read
 from transferkit.pretrain import Recipe, pretrain
+from transferkit.zoo.summary import Summary
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -41,6 +41,6 @@ def main(arguments: Sequence[str]) -> Answer:
 
     recipe, config = parse(command, "transferkit pretrain", arguments, [*Recipe.__dataclass_fields__, "env-kwargs", "vary"])
     check_read(config, settings_in(arguments))
-    line = summary(pretrain(recipe, config))
-    text = f"{recipe.zoo / recipe.id}: score {line['score_mean']:.1f}, {line['members']} members"
-    return Answer(line, text)
+    summary = Summary.of(pretrain(recipe, config))
+    text = f"{recipe.zoo / recipe.id}: score {summary.score_mean:.1f}, {summary.members} members"
+    return Answer({"id": recipe.id, **asdict(summary)}, text)

@@ -62,8 +62,8 @@ def evaluation_progress(episodes: int) -> Callable[[int, int], None]:
     return report
 
 
-def search_progress() -> Callable[[int, int], None]:
-    """A report of how many of several things are done, on a line now and then."""
+def counting_progress(things: str) -> Callable[[int, int], None]:
+    """A report of how many of several things are done, such as `cores played`, on a line now and then."""
     started = last = time.monotonic()
 
     def report(done: int, total: int) -> None:
@@ -72,7 +72,7 @@ def search_progress() -> Callable[[int, int], None]:
         if now - last >= EVALUATION_SECONDS and done < total:
             last = now
             left = (now - started) * (total - done) / done
-            print(f"{done} of {total} cores played, {left:.0f} s left", file=sys.stderr, flush=True)
+            print(f"{done:,} of {total:,} {things}, {left:.0f} s left", file=sys.stderr, flush=True)
 
     return report
 

@@ -7,25 +7,28 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from statistics import fmean
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
 from transferkit.cli.environment import add_environment, environment
+from transferkit.cli.remote_zoo import REMOTE, SUMMARY, add_remote, cells, list_remote
 from transferkit.cli.wording import worded
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
 from transferkit.zoo.catalog import core_folders, find_card, list_cards
+from transferkit.zoo.summary import Summary
 
 if TYPE_CHECKING:
     from transferkit.errors import ArtifactError
-    from transferkit.zoo.card import Card
 
 
 def main(arguments: Sequence[str]) -> Answer:
-    """List, show, find or verify cores."""
+    """List, show, find, verify, pull or push cores."""
     flags = parser("zoo", "The cores that can be wrapped onto an environment.")
     actions = flags.add_subparsers(dest="action", required=True)
-    actions.add_parser("list", help="one line a core")
+    listed = actions.add_parser("list", help="one line a core")
+    listed.add_argument("--remote", action="store_true", help="of the zoos elsewhere, as they were when last asked")
+    listed.add_argument("--refresh", action="store_true", help="with --remote: ask them now")
     show = actions.add_parser("show", help="everything about a core")
     show.add_argument("id")
     find = actions.add_parser("find", help="which cores an environment can represent, the one it represents most of first")
@@ -36,47 +39,23 @@ def main(arguments: Sequence[str]) -> Answer:
     verify.add_argument("--all", action="store_true", help="every core of the zoo")
     add_environment(verify, "with --rollout: the source environment, if no id makes it again or its module may be run")
     verify.add_argument("--rollout", action="store_true", help="also evaluate every member on its source, against the card")
+    add_remote(actions)
     options = flags.parse_args(arguments)
-    return {"list": _list, "show": _show, "find": _find, "verify": _verify}[options.action](options)
-
-
-def summary(card: Card) -> dict[str, Any]:
-    """Sum up a core in one line."""
-    return {
-        "id": card.id,
-        "source_env": card.source.env_id,
-        "obs_dim": card.source.obs_dim,
-        "act_dim": card.source.act_dim,
-        "parts": list(card.components),
-        "members": len(card.seeds),
-        "score_mean": card.score.mean,
-        "score_low": card.score.low,
-        "score_high": card.score.high,
-        "threshold": card.score.threshold,
-    }
+    own = {"list": _list, "show": _show, "find": _find, "verify": _verify}
+    return {**own, **REMOTE}[options.action](options)
 
 
 def _list(options: argparse.Namespace) -> Answer:
-    del options
+    if options.remote:
+        return list_remote(options)
+    if options.refresh:
+        raise ConfigError("only zoos elsewhere are asked", remedy="add {remote=True}")
     cards, errors = list_cards()
-    rows = [summary(card) for card in cards]
+    rows = [(card.id, Summary.of(card)) for card in cards]
     _say_errors(errors)
-    header = ("id", "source", "obs", "act", "components", "members", "score", "95 % interval", "threshold")
-    table = [
-        (
-            row["id"],
-            row["source_env"],
-            row["obs_dim"],
-            row["act_dim"],
-            ", ".join(row["parts"]),
-            row["members"],
-            f"{row['score_mean']:.1f}",
-            f"{row['score_low']:.1f} to {row['score_high']:.1f}",
-            f"{row['threshold']:g}",
-        )
-        for row in rows
-    ]
-    return Answer(rows, format_table(header, table) if rows else "no cores found; `transferkit pretrain` makes one")
+    data = [{"id": name, **asdict(summary)} for name, summary in rows]
+    table = format_table(("id", *SUMMARY), [(name, *cells(summary)) for name, summary in rows])
+    return Answer(data, table if rows else "no cores found; `transferkit pretrain` makes one")
 
 
 def _show(options: argparse.Namespace) -> Answer:
@@ -87,7 +66,7 @@ def _show(options: argparse.Namespace) -> Answer:
 
 
 def _find(options: argparse.Namespace) -> Answer:
-    from transferkit.cli.progress import search_progress  # noqa: PLC0415
+    from transferkit.cli.progress import counting_progress  # noqa: PLC0415
     from transferkit.zoo.find import find_cores, play_found  # noqa: PLC0415 - torch takes seconds to import
 
     env = str(environment(options))
@@ -100,7 +79,7 @@ def _find(options: argparse.Namespace) -> Answer:
     data = [asdict(one) for one in found]
     if options.play:
         header += ["untrained", "zero action", "episodes above it"]
-        played = play_found(found, env, report=search_progress())
+        played = play_found(found, env, report=counting_progress("cores played"))
         scores = [(f"{fmean(one.returns):.1f}", f"{fmean(one.zero):.1f}", f"{one.better} of {len(one.zero)}") for one in played]
         table = [[*row, *more] for row, more in zip(table, scores, strict=True)]
         data = [{**row, **asdict(one)} for row, one in zip(data, played, strict=True)]

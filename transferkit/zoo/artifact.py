@@ -19,7 +19,7 @@ from transferkit.reading import FormatError, read_bytes, typed
 from transferkit.run import RECORD
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough, parse_tensors
-from transferkit.zoo.card import CARD, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
+from transferkit.zoo.card import CARD, LARGEST, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
 from transferkit.zoo.catalog import core_folders, find_core
 from transferkit.zoo.on_the_fly import imported
 from transferkit.zoo.readme import render
@@ -30,9 +30,6 @@ if TYPE_CHECKING:
 
 ENSEMBLES = ("critic", "dynamics")
 """Optional components of a core, each a method of `Core`."""
-
-LARGEST = 256 * 2**20
-"""Bytes of the weights, or of the probe."""
 
 PROBE_INPUTS = 32
 PROBE_TOLERANCE = 1e-5

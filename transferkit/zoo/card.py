@@ -26,7 +26,11 @@ CARD, WEIGHTS, PROBE, README = "card.json", "core.safetensors", "probe.safetenso
 LARGEST_CARD = 4 * 2**20
 """Bytes."""
 
+LARGEST = 256 * 2**20
+"""Bytes of the weights, or of the probe."""
+
 Sha256 = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
+CoreId = Annotated[str, msgspec.Meta(pattern=r"^\w[\w.+() -]{0,100}$")]
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,7 @@ class ImportedFrom:
 class Card:
     """See docs/card.md."""
 
-    id: Annotated[str, msgspec.Meta(pattern=r"^\w[\w.+() -]{0,100}$")]
+    id: CoreId
     description: str
     source: IOSpec
     components: Mapping[str, ComponentCard]

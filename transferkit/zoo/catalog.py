@@ -1,4 +1,4 @@
-"""The zoos: the one that is installed with transferkit, and folders of your own."""
+"""The zoos: the one that is installed with transferkit, folders of your own, and what was pulled from elsewhere."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import core_zoo
-from transferkit.errors import ArtifactError, UnknownNameError
+from transferkit.errors import ArtifactError, ConfigError, UnknownNameError
 from transferkit.zoo.card import CARD, read_card
+from transferkit.zoo.remote.roots import cached_index, pulled_folders, roots
 
 if TYPE_CHECKING:
     from transferkit.zoo.card import Card
@@ -24,7 +25,7 @@ def zoo_folders() -> list[Path]:
     for folder in own:
         if not folder.is_dir():
             logging.getLogger("transferkit").warning("%s names %s, which is no folder", ZOO_PATH, folder)
-    return [*own, Path(core_zoo.__path__[0])]
+    return [*own, Path(core_zoo.__path__[0]), *pulled_folders()]
 
 
 def core_folders() -> dict[str, Path]:
@@ -40,6 +41,7 @@ def find_core(name: str | Path) -> Path:
     """Find the folder of a core by id or by path.
 
     Raises:
+        ConfigError: a zoo elsewhere has it.
         UnknownNameError: no zoo has it and it is not a folder with a card.
     """
     folders = core_folders()
@@ -47,6 +49,9 @@ def find_core(name: str | Path) -> Path:
         return folders[str(name)]
     if (Path(name) / CARD).exists():
         return Path(name)
+    for root in roots():
+        if (index := cached_index(root)) is not None and str(name) in index.cores:
+            raise ConfigError(f"core {name} is in the zoo {root.url} and not here", remedy=f"`transferkit zoo pull {name}`")
     raise UnknownNameError("core", str(name), list(folders), topic="cores")
 
 

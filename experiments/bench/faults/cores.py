@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +23,6 @@ from experiments.bench.faults.formats import (
     save_tensors,
     sha256,
 )
-from transferkit.cli.zoo import summary
 from transferkit.config import TrainConfig
 from transferkit.errors import ArtifactError
 from transferkit.nn import Architecture, Dynamics, Ensemble, EnsembleArchitecture, Normalizer, PolicyNet
@@ -34,6 +33,7 @@ from transferkit.zoo.artifact import ENSEMBLES, check_probe, ensemble_card, load
 from transferkit.zoo.card import CARD, PROBE, WEIGHTS, read_card
 from transferkit.zoo.catalog import ZOO_PATH, find_core, list_cards
 from transferkit.zoo.readme import render
+from transferkit.zoo.summary import Summary
 
 if TYPE_CHECKING:
     from experiments.bench.faults.formats import Random
@@ -106,7 +106,7 @@ def _read_card(folder: Path, random: Random) -> Any:  # noqa: ANN401 - a card
         list_cards()  # never raises
     card = read_card(folder)
     render(card)
-    json.dumps([summary(card), card.to_json()], allow_nan=False)
+    json.dumps([asdict(Summary.of(card)), card.to_json()], allow_nan=False)
     load_core(folder)
     with contextlib.suppress(ArtifactError):
         TrainConfig.from_json(card.config)

@@ -1,0 +1,1 @@
+"""Zoos over the network: folders at URLs with an index, from which cores are pulled into a cache."""
