@@ -104,6 +104,7 @@ def import_core(
     std: float | None = None,
     threshold: float | None = None,
     licence: str = NOT_STATED,
+    descriptor: str | Path | None = None,
 ) -> Core:
     """Make a core of a policy that another library trained; nothing of its file is run.
 
@@ -119,6 +120,8 @@ def import_core(
         std: standard deviation of exploration, of an action range of [-1, 1].
         threshold: mean return over 20 episodes that it has to reach.
         licence: of the policy.
+        descriptor: file that says what its numbers are: LEAPP YAML, or Isaac Lab's IO descriptors. Where the environment has
+            them in another order, with another sign, unit or default pose, the core is changed to take them so.
 
     Raises:
         ArtifactError: the file is damaged or of another format, or the score is below the threshold.
@@ -126,7 +129,7 @@ def import_core(
         DimensionError: it does not fit the environment.
     """
     target = None if name is None else Target(name, version, Path(zoo), threshold, licence)
-    done = run_import(Path(file), env, Given(activation, stats, action_scale, std), target)
+    done = run_import(Path(file), env, Given(activation, stats, action_scale, std, descriptor), target)
     logger = logging.getLogger("transferkit")
     for said in filter(None, (done.notes, done.warnings)):
         logger.warning("%s: %s", file, "; ".join(said))

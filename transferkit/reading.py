@@ -12,7 +12,7 @@ import json
 import os
 import stat
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -22,6 +22,9 @@ T = TypeVar("T")
 
 DEEPEST = 50
 """Levels of lists and objects in each other."""
+
+MOST_REPEATED = 100_000
+"""Values that references in a YAML file may stand for."""
 
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**53)]
 """A whole number that is not negative."""
@@ -85,7 +88,7 @@ def parse_toml(data: bytes, kind: type[T]) -> T:
 
 
 def parse_yaml(data: bytes, kind: type[T]) -> T:
-    """Read YAML, or JSON, as a value of this type, which has a field for every key; nothing in it refers to something else.
+    """Read YAML, or JSON, as a value of this type, which has a field for every key.
 
     Raises:
         FormatError: it is neither, a key is unknown, or a value has another type.
@@ -94,8 +97,7 @@ def parse_yaml(data: bytes, kind: type[T]) -> T:
 
     try:
         text = data.decode("utf-8-sig")
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text, yaml.SafeLoader)):
-            raise FormatError("it has references, which are not read")
+        _check_references(yaml.parse(text, yaml.SafeLoader))
         value = yaml.safe_load(text)
     except FormatError:
         raise
@@ -104,6 +106,29 @@ def parse_yaml(data: bytes, kind: type[T]) -> T:
     if _deeper(value, DEEPEST):
         raise FormatError("its values are nested too deeply")
     return _strict(value, kind)
+
+
+def _check_references(events: Iterable[Any]) -> None:
+    """Refuse references within what is referred to, or to more values than a file of this kind has."""
+    depth, outer, total = 0, None, 0
+    sizes: dict[str, int] = {}
+    for event in events:
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            total += sizes.get(event.anchor, 0)
+            if outer is not None or total > MOST_REPEATED:
+                raise FormatError("its references stand for more than is read")
+        elif kind in ("SequenceEndEvent", "MappingEndEvent"):
+            depth -= 1
+            outer = None if outer is not None and depth == outer[0] else outer
+        elif kind in ("SequenceStartEvent", "MappingStartEvent", "ScalarEvent"):
+            if event.anchor:
+                sizes[event.anchor] = 1
+            if outer is not None:
+                sizes[outer[1]] += 1
+            if kind != "ScalarEvent":
+                outer = (depth, event.anchor) if outer is None and event.anchor else outer
+                depth += 1
 
 
 def typed(value: object, kind: type[T]) -> T:

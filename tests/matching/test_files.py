@@ -49,7 +49,7 @@ def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core
         ("-1.0", ".inf", "the match .* is none: its numbers must be finite"),
         ("copies:", "hold: 0\ncopies:", "its hold is 0 control steps, and must be between 1 and 10,000"),
         ("copies:", "length: -1\ncopies:", "its length is -1.0, and must be greater than 0"),
-        ("copies:", "hold: &a 1\nlength: *a\ncopies:", "it has references, which are not read"),
+        ("copies:", "hold: &a [1]\nlength: &b [*a]\ncopies:", "its references stand for more than is read"),
         ("copies:", "copies: [", "the match .* is none: not YAML"),
     ],
 )

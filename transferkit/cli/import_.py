@@ -30,6 +30,7 @@ def main(arguments: Sequence[str]) -> Answer:
         metavar="SCALE",
         help="the environment's units of an output of 1; or bounds, if -1 to 1 span its bounds",
     )
+    flags.add_argument("--descriptor", metavar="FILE", help="what its numbers are: LEAPP YAML or Isaac Lab's IO descriptors")
     flags.add_argument("--std", type=float, help="of exploration, of an action range of [-1, 1]")
     flags.add_argument("--threshold", type=float, metavar="RETURN", help="mean over 20 episodes that it has to reach")
     flags.add_argument("--licence", default="not stated", help="of the policy")
@@ -49,7 +50,9 @@ def _answer(options: argparse.Namespace, env: str) -> Answer:
         with contextlib.suppress(ValueError):
             scale = float(scale)
     target = Target(options.name, options.version, options.zoo, options.threshold, options.licence)
-    done = run_import(options.file, env, Given(options.activation, options.stats, scale, options.std), target)
+    done = run_import(
+        options.file, env, Given(options.activation, options.stats, scale, options.std, options.descriptor), target
+    )
     own, zero = (sum(returns) / len(returns) for returns in (done.returns, done.zero))
     head = f"{target.folder}: {done.library}, return {own:.1f} over {len(done.returns)} episodes, zero action {zero:.1f}"
     lines = [head, *done.notes, *(f"warning: {warning}" for warning in done.warnings)]

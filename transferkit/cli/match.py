@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -12,6 +13,7 @@ from transferkit.config.checks import NOT_NEGATIVE
 from transferkit.errors import SettingError, UnknownNameError
 from transferkit.files import check_new
 from transferkit.pairing import Angles, Forces, Limbs
+from transferkit.table import format_table
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 def main(arguments: Sequence[str]) -> Answer:
     """Show how a core stands on an environment."""
     flags = parser("match", "Show what of an environment stands for what of a core; nothing is trained or played.")
-    flags.add_argument("source", metavar="CORE|RUN|ENV", help="a core's id or folder, a finished run, or an environment's id")
+    flags.add_argument("source", metavar="CORE|RUN|ENV|FILE.yaml", help="a core, a run, an environment or a descriptor")
     add_environment(flags, "the environment that the core is to play in", name="env")
     flags.add_argument("--yaml", type=Path, metavar="FILE", help="write the match, to be edited: for `train --match FILE`")
     flags.add_argument("--limbs", choices=get_args(Limbs), help="let a limb drive one, or all that are like it")
@@ -29,6 +31,8 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("--hold", type=whole("wrap.hold", NOT_NEGATIVE), help="control steps of an action; 0 for its own time")
     flags.add_argument("--stagger", type=_number, help="radians between the limbs that a core drives side by side")
     options = flags.parse_args(arguments)
+    if options.source.endswith((".yaml", ".yml")):
+        return _descriptor(Path(options.source), str(environment(options)))
     if options.yaml is not None:
         check_new(options.yaml, "yaml", ".yaml")
     from transferkit.envs import derive_spec  # noqa: PLC0415 - heavy
@@ -48,6 +52,22 @@ def main(arguments: Sequence[str]) -> Answer:
     note = "" if arrays.holds else "\nnothing crosses: a core that is wrapped there begins with random adapters"
     written = f"\n{options.yaml}: edit it, and hand it to `transferkit train --match {options.yaml}`" if options.yaml else ""
     return Answer(data, f"{head}\n{explain(arrays, source, target)}{note}{written}")
+
+
+def _descriptor(path: Path, env: str) -> Answer:
+    """Show where a descriptor and the physics of an environment disagree."""
+    from transferkit.descriptors import compare, read_descriptor, remap  # noqa: PLC0415
+    from transferkit.envs import derive_spec  # noqa: PLC0415
+
+    descriptor, spec = read_descriptor(path), derive_spec(env)
+    rows, whole = compare(descriptor, spec), remap(descriptor, spec) is not None
+    differing = [row for row in rows if row.verdict not in ("agrees", "not compared")]
+    table = [(f"{row.part} {row.index}", row.described, row.measured, row.verdict, row.detail) for row in rows]
+    head = f"{path} ({descriptor.format}) and {env}: {len(differing)} of {len(rows)} differ"
+    mended = "\n`transferkit import --descriptor` turns a policy to these numbers" if differing and whole else ""
+    text = format_table(("number", "the descriptor says", "the physics say", "verdict", "what differs"), table)
+    data = {"format": descriptor.format, "notes": descriptor.notes, "mendable": whole, "rows": [asdict(row) for row in rows]}
+    return Answer(data, "\n".join([head, text, *descriptor.notes]) + mended)
 
 
 def _source(name: str) -> IOSpec:

@@ -108,6 +108,8 @@ def _actions(foreign: Foreign, spec: IOSpec, given: Given) -> Actions:
     low, high = (torch.tensor([getattr(one, end) for one in spec.action], dtype=torch.float64) for end in ("low", "high"))
     centre, half = (low + high) / 2, (high - low) / 2
     outputs = foreign.outputs if given.action_scale is None else given.action_scale
+    if given.action_scale is None and foreign.units is not None:
+        return Actions(foreign.units / half, -centre / half)
     if outputs is None:
         raise ConfigError(
             "the file does not say what an action of 1 is in the environment",

@@ -30,6 +30,8 @@ class Given:
     action_scale: Scale | None = None
     std: float | None = None
     """Standard deviation of exploration, of an action range of [-1, 1], for what has none that a core can have."""
+    descriptor: str | Path | None = None
+    """File that says what its numbers are."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,8 @@ class Foreign:
     """Of the hidden layers; None if the file does not say."""
     outputs: Scale | None
     """What an output is; None if the file does not say."""
+    units: Tensor | None = None
+    """What an output of 1 is, in the environment's units of each action `(act_dim,)`, if a descriptor says so."""
     bounds: tuple[float, float] | None = None
     """Of the actions where it was trained, if the file says so and they are the same for all."""
     squash: bool = False

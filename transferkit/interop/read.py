@@ -12,6 +12,7 @@ from transferkit.files import MISFITS
 from transferkit.interop.archive import Archive
 from transferkit.interop.build import build_core
 from transferkit.interop.cleanrl import is_cleanrl, read_cleanrl
+from transferkit.interop.described import described
 from transferkit.interop.rsl_rl_file import is_rsl_rl, read_rsl_rl
 from transferkit.interop.sb3 import is_sb3, read_sb3
 from transferkit.interop.statistics import read_statistics
@@ -50,6 +51,7 @@ def read_core(path: Path, spec: IOSpec, given: Given, name: str) -> tuple[Core, 
         foreign = _foreign(data, path.suffix)
         if given.stats is not None or foreign.normalized is None:
             foreign = replace(foreign, statistics=_statistics(foreign, given))
+        foreign, said = described(foreign, spec, given)
         core, notes = build_core(foreign, spec, given, name, hashlib.sha256(data).hexdigest())
     except FileNotFoundError:
         raise ArtifactError(f"there is no file {path}") from None
@@ -59,7 +61,7 @@ def read_core(path: Path, spec: IOSpec, given: Given, name: str) -> tuple[Core, 
         raise ArtifactError(f"{path} is not read: {error}") from None
     except MISFITS as error:
         raise ArtifactError(f"{path} is damaged ({type(error).__name__}: {' '.join(str(error).split())[:200]})") from None
-    return core, foreign, notes
+    return core, foreign, [*said, *notes]
 
 
 def _foreign(data: bytes, suffix: str) -> Foreign:
