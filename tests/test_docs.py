@@ -14,8 +14,17 @@ BLOCK = re.compile(r"(?ms)^```(?:\{code-block\} )?(python|sh|yaml)\n(?::caption:
 
 
 SAID = {
-    "bring_your_policy.md": ["zoo/pole-v1: Stable-Baselines3", "pole-v1: hashes, schema and probe outputs fit"],
+    "bring_your_policy.md": [
+        "zoo/pole-v1: Stable-Baselines3",
+        "pole-v1: hashes, schema and probe outputs fit",
+        "joint position foot_joint   position of thigh_joint  order",
+    ],
+        "joint position foot_joint   position of thigh_joint  order",
+        "zoo/pole-v1: Stable-Baselines3",
+        "pole-v1: hashes, schema and probe outputs fit",
+    ],
     "own_environment.md": ["hinge_y.velocity[t-1]", "reproduced to the bit"],
+    "zoo.md": ["shared_zoo; its index now has the digest", "core_zoo/inverted-pendulum-v1", "is forgotten; what was pulled"],
     "matching.md": [
         "joint hinge_y2 (thigh_joint) = -1 hip",
         "two_poles.yaml: edit it",
@@ -29,6 +38,7 @@ SAID = {
 def test_the_blocks_of_a_page_run(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     names = {}
     blocks = BLOCK.findall((PAGES / page).read_text())
     assert {kind for kind, _, _ in blocks} >= {"python", "sh"}

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from transferkit.errors import InterruptedRunError as InterruptedRunError
     from transferkit.errors import NotFiniteError as NotFiniteError
     from transferkit.errors import RecordingError as RecordingError
+    from transferkit.errors import RemoteError as RemoteError
     from transferkit.errors import RunDirectoryError as RunDirectoryError
     from transferkit.errors import RunInUseError as RunInUseError
     from transferkit.errors import SettingError as SettingError
@@ -87,6 +88,7 @@ _HOMES = {
         "InterruptedRunError",
         "NotFiniteError",
         "RecordingError",
+        "RemoteError",
         "RunDirectoryError",
         "RunInUseError",
         "SettingError",
