@@ -19,10 +19,6 @@ SAID = {
         "pole-v1: hashes, schema and probe outputs fit",
         "joint position foot_joint   position of thigh_joint  order",
     ],
-        "joint position foot_joint   position of thigh_joint  order",
-        "zoo/pole-v1: Stable-Baselines3",
-        "pole-v1: hashes, schema and probe outputs fit",
-    ],
     "own_environment.md": ["hinge_y.velocity[t-1]", "reproduced to the bit"],
     "zoo.md": ["shared_zoo; its index now has the digest", "core_zoo/inverted-pendulum-v1", "is forgotten; what was pulled"],
     "matching.md": [
