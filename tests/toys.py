@@ -28,6 +28,23 @@ class Counter(gymnasium.Env):
         return np.array([self.seed, self.t], np.float32), reward, self.t == self.length, False, {}
 
 
+class Remembering(gymnasium.Wrapper):
+    """The inverted pendulum, which also shows what it was one step before, and the last action."""
+
+    def __init__(self):
+        super().__init__(gymnasium.make("InvertedPendulum-v5"))
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (9,))
+
+    def reset(self, **options):
+        self._before, info = super().reset(**options)
+        return np.concatenate((self._before, self._before, np.zeros(1))), info
+
+    def step(self, action):
+        now, *rest = super().step(action)
+        seen, self._before = np.concatenate((now, self._before, action)), now
+        return seen, *rest
+
+
 class Half(nn.Module):
     """A policy that halves its observation."""
 

@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from transferkit.errors import UnknownNameError as UnknownNameError
     from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
+    from transferkit.export import export_leapp as export_leapp
     from transferkit.export import export_onnx as export_onnx
     from transferkit.importing import import_core as import_core
     from transferkit.matching import load_match as load_match
@@ -96,7 +97,7 @@ _HOMES = {
         "UnknownNameError",
     ),
     "evaluation": ("Evaluation", "evaluate"),
-    "export": ("export_onnx",),
+    "export": ("export_leapp", "export_onnx"),
     "importing": ("import_core",),
     "matching": ("load_match", "save_match"),
     "pairing": ("Pairing",),

@@ -22,10 +22,13 @@ def main(arguments: Sequence[str]) -> Answer:
         "environment of the policy; a core or a run is wrapped onto another than its own; with --minari, the recordings' own",
     )
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
+    flags.add_argument("--leapp", type=Path, metavar="FILE.yaml", help="also write LEAPP YAML and its network")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
     target.add_argument("--minari", metavar="DATASET", help="such as hopper/mine-v0")
     options = flags.parse_args(arguments)
+    if options.leapp is not None and options.out is None:
+        raise ConfigError("LEAPP YAML is of a policy", remedy="give {out}")
     if options.minari is not None:
         return _minari(options.names, options.minari, environment(options))
     if len(options.names) > 1:
@@ -33,6 +36,8 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.names[0].endswith(".mcap"):
         raise ConfigError(f"{options.names[0]} is a recording and not a policy", remedy="write it as a dataset with {minari}")
     check_new(options.out, "out", ".onnx")
+    if options.leapp is not None and options.leapp.with_suffix(".onnx") == options.out:
+        raise ConfigError(f"{options.leapp} needs the file {options.out}", remedy="choose another name for {leapp}")
     return _onnx(options)
 
 
@@ -44,13 +49,14 @@ def _minari(names: Sequence[str], dataset: str, env: str | None) -> Answer:
 
 
 def _onnx(options: argparse.Namespace) -> Answer:
-    from transferkit.export import PARITY_ROWS, export_onnx  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.export import PARITY_ROWS, export_leapp, export_onnx  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.subject import home_of, load_subject  # noqa: PLC0415
 
     name, out = options.names[0], options.out
     env = environment(options, lambda: home_of(name))
     subject = load_subject(name, env=env, member=options.member, values=False)
+    beside = "" if options.leapp is None else f"\n{options.leapp} with {export_leapp(subject, options.leapp)}"
     difference = export_onnx(subject, out)
     how = f"\n{name} is wrapped onto {env} and not trained there" if subject.wrapped else ""
-    text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations{how}"
+    text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations{beside}{how}"
     return Answer({"file": str(out), "difference": difference, "observations": PARITY_ROWS}, text)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import importlib
 import json
 import logging
+from dataclasses import asdict
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor, nn
@@ -60,17 +61,18 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
     path = Path(path)
     check_kind("subject", subject, Subject, "load it with load_subject")
     check_new(path, "out", ".onnx")
-    onnx, runtime, _ = (_module(name) for name in ("onnx", "onnxruntime", "onnxscript"))  # torch exports through the last
+    onnx, runtime = (_module(name) for name in ("onnx", "onnxruntime"))
     spec = derive_spec(subject.env)
-    low, high = (torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high"))
-    exported = ExportedPolicy(subject.policy, low, high, clip=subject.clip_actions).eval()
+    exported = exported_policy(subject, spec)
     observation = _random_observations(subject.env)
-    model = _program(exported, observation[:2]).model_proto
-    onnx.helper.set_model_props(model, _properties(subject, spec, low, high))
-    data = model.SerializeToString()
-    session = runtime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    batch = ({0: torch.export.Dim("batch")},)
+    model = onnx_program(exported, (observation[:2],), ["observation"], ["action"], batch).model_proto
     with torch.no_grad():
         expected = exported(observation)
+    known = {"known_input": observation[:1].tolist(), "known_output": expected[:1].tolist()}
+    onnx.helper.set_model_props(model, {name: json.dumps(value) for name, value in (_about(subject, spec) | known).items()})
+    data = model.SerializeToString()
+    session = runtime.InferenceSession(data, providers=["CPUExecutionProvider"])
     answer = torch.from_numpy(session.run(["action"], {"observation": observation.numpy()})[0])
     difference = float((answer - expected).abs().max())
     if not difference <= 1e-3 * float(exported.half_range.max()):
@@ -82,34 +84,62 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
     return difference
 
 
-def _program(exported: ExportedPolicy, observation: Tensor) -> torch.onnx.ONNXProgram:
+def exported_policy(subject: Subject, spec: IOSpec) -> ExportedPolicy:
+    """Make the policy of a subject that answers with controls."""
+    low, high = (torch.tensor([getattr(actuator, end) for actuator in spec.action]) for end in ("low", "high"))
+    return ExportedPolicy(subject.policy, low, high, clip=subject.clip_actions).eval()
+
+
+def onnx_program(
+    module: nn.Module,
+    examples: tuple[Tensor, ...],
+    inputs: list[str],
+    outputs: list[str],
+    shapes: Any = None,  # noqa: ANN401
+) -> torch.onnx.ONNXProgram:
+    """Export a module; `shapes` are torch's dynamic shapes.
+
+    Raises:
+        ConfigError: ONNX is not installed.
+    """
+    for name in ("onnx", "onnxscript"):  # torch exports through the last
+        _module(name)
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns that torchvision is not there
     program = torch.onnx.export(
-        exported,
-        (observation,),
+        module,
+        examples,
         dynamo=True,
         external_data=False,
         verbose=False,
-        input_names=["observation"],
-        output_names=["action"],
-        dynamic_shapes=({0: torch.export.Dim("batch")},),
+        input_names=inputs,
+        output_names=outputs,
+        dynamic_shapes=shapes,
     )
     assert program is not None
     return program
 
 
-def _properties(subject: Subject, spec: IOSpec, low: Tensor, high: Tensor) -> dict[str, str]:
+def _about(subject: Subject, spec: IOSpec) -> dict[str, Any]:
+    """What the numbers are, each value as JSON; the keys that mjlab has too are named as there, at full precision."""
     names = Names.of(spec)
+    driven = [joint for actuator in spec.action for joint in spec.joints if joint.name == actuator.joint]
     return {
         "env": spec.env_id,
-        "observation_names": json.dumps(names.observation),
-        "action_names": json.dumps(names.action),
-        "action_low": json.dumps(low.tolist()),
-        "action_high": json.dumps(high.tolist()),
-        "time_step": json.dumps(spec.time_step),
-        "hold": json.dumps(subject.policy.hold),
-        "versions": json.dumps(versions()),
-        "source": json.dumps(subject.about),
+        "observation_names": names.observation,
+        "action_names": names.action,
+        "action_low": [actuator.low for actuator in spec.action],
+        "action_high": [actuator.high for actuator in spec.action],
+        "observation_spec": [asdict(element) for element in spec.observation],
+        "action_spec": [asdict(actuator) for actuator in spec.action],
+        "joints": [asdict(joint) for joint in spec.joints],
+        "joint_names": [joint.model_name for joint in driven],
+        "default_joint_pos": [joint.reference for joint in driven],
+        "command_names": [],
+        "time_step": spec.time_step,
+        "hold": subject.policy.hold,
+        "control_period": spec.time_step * subject.policy.hold,
+        "versions": versions(),
+        "source": subject.about,
     }
 
 

@@ -17,6 +17,12 @@ def test_an_exported_policy_plays_the_bare_environment(tmp_path):
     about = session.get_modelmeta().custom_metadata_map
     assert json.loads(about["observation_names"])[0] == "slide_x_position"
     assert json.loads(about["action_high"]) == [3.0]
+    assert json.loads(about["env"]) == "InvertedPendulum-v5"
+    assert json.loads(about["joint_names"]) == ["slider"]
+    assert json.loads(about["observation_spec"])[1]["joints"] == ["hinge_y"]
+    assert json.loads(about["control_period"]) == 0.04
+    (again,) = session.run(["action"], {"observation": np.array(json.loads(about["known_input"]), np.float32)})
+    np.testing.assert_allclose(again, json.loads(about["known_output"]), rtol=1e-5)
     env = gymnasium.make("InvertedPendulum-v5")  # not ours: controls in newtons, float64 observations
     observation, _ = env.reset(seed=1)
     total, done = 0.0, False

@@ -1,0 +1,6 @@
+"""Policies as files for other stacks."""
+
+from transferkit.export.leapp_file import export_leapp
+from transferkit.export.onnx_file import PARITY_ROWS, export_onnx
+
+__all__ = ["PARITY_ROWS", "export_leapp", "export_onnx"]

@@ -1,0 +1,101 @@
+"""NVIDIA's LEAPP YAML beside a network of its own, whose ports are joint positions and velocities and not an observation."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+
+from transferkit.envs import derive_spec
+from transferkit.errors import ConfigError
+from transferkit.export.deployed import Deployed
+from transferkit.export.onnx_file import exported_policy, onnx_program
+from transferkit.export.ports import ports_of
+from transferkit.files import check_new, new_file
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from transferkit.record.play import Subject
+    from transferkit.spec import IOSpec
+
+VERSION = "1.3"
+"""Of the format; its first with a frequency."""
+
+NODE = "policy"
+
+KINDS = {
+    "joint_positions": "state/joint/position",
+    "joint_velocities": "state/joint/velocity",
+    "torques": "target/joint/torques",
+}
+
+
+def export_leapp(subject: Subject, path: str | Path) -> Path:
+    """Write a policy as LEAPP YAML and the ONNX file that it names, beside it; returns the latter's path.
+
+    Actions are torques of joints (forces of slides). What is remembered of earlier steps is fed back, and zero at first.
+
+    Raises:
+        ConfigError: a file exists or cannot be written, an action drives no joint, or ONNX is not installed.
+    """
+    path = Path(path)
+    network = path.with_suffix(".onnx")
+    check_new(path, "leapp", ".yaml")
+    check_new(network, "leapp")
+    spec = derive_spec(subject.env)
+    if without := [actuator.name for actuator in spec.action if actuator.joint is None]:
+        raise ConfigError(f"action {without[0]} drives no joint, which LEAPP has no kind for", remedy="leave out {leapp}")
+    deployed = Deployed(exported_policy(subject, spec), ports_of(spec), spec).eval()
+    examples = tuple(torch.zeros(1, size) for size in deployed.inputs.values())
+    program = onnx_program(deployed, examples, list(deployed.inputs), list(deployed.outputs))
+    data = program.model_proto.SerializeToString()
+    with new_file(network, "leapp") as temporary:
+        temporary.write_bytes(data)
+    with new_file(path, "leapp") as temporary:
+        temporary.write_text(_text(_described(deployed, spec, network.name, data, subject.policy.hold)))
+    return network
+
+
+def _described(deployed: Deployed, spec: IOSpec, file: str, data: bytes, hold: int) -> dict[str, Any]:
+    joints = {joint.name: joint.model_name for joint in spec.joints}
+    names = {
+        "joint_positions": deployed.ports.positions,
+        "joint_velocities": deployed.ports.velocities,
+        "others": deployed.ports.others,
+        "torques": [joints[str(actuator.joint)] for actuator in spec.action],
+    }
+    inputs, outputs = ([_port(*one, names) for one in side.items()] for side in (deployed.inputs, deployed.outputs))
+    back = [name for name in deployed.inputs if name.endswith("before")]
+    hashes = {"md5sum": hashlib.md5(data, usedforsecurity=False).hexdigest(), "sha256sum": hashlib.sha256(data).hexdigest()}
+    pipeline: dict[str, Any] = {
+        "data_flow": {},
+        "feedback_flow": {f"{NODE}/{name}_next": [f"{NODE}/{name}"] for name in back},
+        "inputs": {NODE: [name for name in deployed.inputs if name not in back]},
+        "outputs": {NODE: ["torques"]},
+    }
+    if spec.time_step:
+        pipeline["configs"] = {"frequency": 1.0 / (spec.time_step * hold)}
+    return {
+        "models": {
+            NODE: {"inputs": inputs, "outputs": outputs, "parameters": {"model_path": file, **hashes, "backend": "onnx"}}
+        },
+        "pipeline": pipeline,
+        "system information": {"leapp config version": VERSION, "os": platform.system()},
+    }
+
+
+def _port(name: str, size: int, names: dict[str, Sequence[str]]) -> dict[str, Any]:
+    port: dict[str, Any] = {"name": name, "dtype": "float32", "shape": [1, size], "type": "tensor"}
+    if name in KINDS:
+        port["kind"] = KINDS[name]
+    return port | ({"element_names": [None, list(names[name])]} if name in names else {})
+
+
+def _text(data: dict[str, Any]) -> str:
+    import yaml  # noqa: PLC0415 - of few commands
+
+    return "\n".join(yaml.safe_dump({key: value}, sort_keys=False, default_flow_style=None) for key, value in data.items())
