@@ -25,7 +25,7 @@ def test_every_released_core_holds_what_its_card_says(core_id):
     card = read_card(CORES[core_id])
     assert verify(core_id)["probe"] < 1e-5
     assert card.id == core_id
-    assert len(card.seeds) == len(card.score.members) == 5
+    assert len(card.seeds) == len(card.score.members) >= 3
     assert min(card.score.members) >= card.score.threshold
     assert (CORES[core_id] / "README.md").read_text() == render(card)
     assert sum(file.stat().st_size for file in CORES[core_id].iterdir()) < 1_000_000
