@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.errors import ArtifactError, ConfigError, RunDirectoryError
 from transferkit.reading import FormatError, parse, read_bytes, sealed, typed, unsealed
 
 T = TypeVar("T")
@@ -114,6 +114,24 @@ def read_json(path: Path, kind: type[T]) -> T:
     """
     with damaged_run(path):
         return typed(unsealed(parse(read_bytes(path, LARGEST), dict[str, Any])), kind)
+
+
+@contextlib.contextmanager
+def others_file(path: str | Path) -> Iterator[None]:
+    """Turn what is wrong with a file that another library wrote into one line that names it, while it is read."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise ArtifactError(f"there is no file {path}") from None
+    except OSError as error:
+        raise ArtifactError(f"{path} cannot be read: {error.strerror}") from None
+    except FormatError as error:
+        raise ArtifactError(f"{path} is not read: {error}") from None
+
+
+def user_folder(variable: str, usual: str) -> Path:
+    """Transferkit's folder under a base folder of the XDG specification, such as `XDG_CACHE_HOME`, or under its usual one."""
+    return Path(os.environ.get(variable) or Path.home() / usual) / "transferkit"
 
 
 MISFITS = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError)

@@ -110,25 +110,22 @@ def parse_yaml(data: bytes, kind: type[T]) -> T:
 
 def _check_references(events: Iterable[Any]) -> None:
     """Refuse references within what is referred to, or to more values than a file of this kind has."""
-    depth, outer, total = 0, None, 0
+    opened: list[str | None] = []
     sizes: dict[str, int] = {}
+    total = 0
     for event in events:
         kind = type(event).__name__
         if kind == "AliasEvent":
             total += sizes.get(event.anchor, 0)
-            if outer is not None or total > MOST_REPEATED:
+            if any(opened) or total > MOST_REPEATED:
                 raise FormatError("its references stand for more than is read")
         elif kind in ("SequenceEndEvent", "MappingEndEvent"):
-            depth -= 1
-            outer = None if outer is not None and depth == outer[0] else outer
+            opened.pop()
         elif kind in ("SequenceStartEvent", "MappingStartEvent", "ScalarEvent"):
-            if event.anchor:
-                sizes[event.anchor] = 1
-            if outer is not None:
-                sizes[outer[1]] += 1
+            for name in filter(None, [*opened, event.anchor]):
+                sizes[name] = sizes.get(name, 0) + 1
             if kind != "ScalarEvent":
-                outer = (depth, event.anchor) if outer is None and event.anchor else outer
-                depth += 1
+                opened.append(event.anchor)
 
 
 def typed(value: object, kind: type[T]) -> T:

@@ -13,6 +13,7 @@ from transferkit.errors import ArtifactError
 from transferkit.interop.build import build_core
 from transferkit.interop.described import described
 from transferkit.interop.foreign import Foreign, Given, Layer, Statistics
+from transferkit.reading import FormatError
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +101,7 @@ def test_what_the_environment_does_not_have_is_said_and_nothing_is_reordered(tmp
             "1 element names",
         ),
         (f"a: &a [{'1, ' * 1000}1]\nb: [{'*a, ' * 100}*a]", "its references stand for more"),
+        (f"a: &a [&b [{'1, ' * 1000}1]]\nb: [{'*b, ' * 100}*b]", "its references stand for more"),
         ("{", "not YAML"),
     ],
 )
@@ -117,3 +119,17 @@ def test_the_command_shows_the_table(tmp_path, capsys):
     assert "joint position foot_joint   position of thigh_joint  order" in text
     rows = run_json(capsys, "match", str(path), "Hopper-v5")
     assert rows["mendable"] is True
+    code, _, said = run(capsys, "match", str(path), "Hopper-v5", "--hold", "2")
+    assert (code, "a descriptor is compared, and not matched; leave out --hold" in said) == (2, True)
+
+
+def test_a_policy_behind_tanh_cannot_have_other_units_than_the_bounds(tmp_path, hopper):
+    layers = [Layer(torch.zeros(n, m).double(), torch.zeros(n).double()) for m, n in ((11, 4), (4, 3))]
+    foreign = Foreign("test", layers, "tanh", "bounds", squash=True, normalized=False)
+    for scale, fits in ((200.0, True), (100.0, False)):
+        turned, _ = described(foreign, hopper, Given(descriptor=isaac(tmp_path / "hopper.yaml", scale=scale)))
+        if fits:
+            build_core(turned, hopper, Given(std=0.3), "hopper", "")
+        else:
+            with pytest.raises(FormatError, match="by tanh"):
+                build_core(turned, hopper, Given(std=0.3), "hopper", "")

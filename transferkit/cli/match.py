@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args
 from transferkit.cli.answer import Answer, parser, whole
 from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import NOT_NEGATIVE
-from transferkit.errors import SettingError, UnknownNameError
+from transferkit.errors import ConfigError, SettingError, UnknownNameError
 from transferkit.files import check_new
 from transferkit.pairing import Angles, Forces, Limbs
 from transferkit.table import format_table
@@ -31,13 +31,16 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("--hold", type=whole("wrap.hold", NOT_NEGATIVE), help="control steps of an action; 0 for its own time")
     flags.add_argument("--stagger", type=_number, help="radians between the limbs that a core drives side by side")
     options = flags.parse_args(arguments)
+    from transferkit.policy.matches import OPTIONS, match  # noqa: PLC0415 - heavy
+
     if options.source.endswith((".yaml", ".yml")):
+        if given := [name for name in (*OPTIONS, "yaml") if getattr(options, name) is not None]:
+            raise ConfigError("a descriptor is compared, and not matched", remedy=f"leave out {{{given[0]}}}")
         return _descriptor(Path(options.source), str(environment(options)))
     if options.yaml is not None:
         check_new(options.yaml, "yaml", ".yaml")
     from transferkit.envs import derive_spec  # noqa: PLC0415 - heavy
     from transferkit.matching import as_plain, compiled, coverage, explain, save_match  # noqa: PLC0415
-    from transferkit.policy.matches import OPTIONS, match  # noqa: PLC0415
 
     source, target = _source(options.source), derive_spec(str(environment(options)))
     given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
@@ -61,7 +64,7 @@ def _descriptor(path: Path, env: str) -> Answer:
 
     descriptor, spec = read_descriptor(path), derive_spec(env)
     rows, whole = compare(descriptor, spec), remap(descriptor, spec) is not None
-    differing = [row for row in rows if row.verdict not in ("agrees", "not compared")]
+    differing = [row for row in rows if row.differs]
     table = [(f"{row.part} {row.index}", row.described, row.measured, row.verdict, row.detail) for row in rows]
     head = f"{path} ({descriptor.format}) and {env}: {len(differing)} of {len(rows)} differ"
     mended = "\n`transferkit import --descriptor` turns a policy to these numbers" if differing and whole else ""

@@ -16,6 +16,7 @@ from transferkit.table import format_table
 from transferkit.zoo.remote.roots import Root, cached_index, forget, remember, roots
 
 if TYPE_CHECKING:
+    from transferkit.zoo.remote.index import Index
     from transferkit.zoo.summary import Summary
 
 SUMMARY = ("source", "obs", "act", "components", "members", "score", "95 % interval", "threshold")
@@ -50,11 +51,7 @@ def list_remote(options: argparse.Namespace) -> Answer:
     """Show the cores of all zoos that were added."""
     rows, added = [], roots()
     for root in added:
-        index = cached_index(root)
-        if options.refresh:
-            from transferkit.zoo.remote.fetch import current  # noqa: PLC0415 - heavy
-
-            index = current(root)
+        index = _asked(root) if options.refresh else cached_index(root)
         if index is None:
             print(f"transferkit: nothing is known of {root.url}; `transferkit zoo list --remote --refresh`", file=sys.stderr)
         rows += [(name, entry.summary, root.url) for name, entry in (index.cores if index else {}).items()]
@@ -63,6 +60,12 @@ def list_remote(options: argparse.Namespace) -> Answer:
     if not rows:
         table = "no cores in them" if added else "no zoos elsewhere; `transferkit zoo add URL` adds one"
     return Answer(data, table)
+
+
+def _asked(root: Root) -> Index | None:
+    from transferkit.zoo.remote.fetch import current  # noqa: PLC0415 - heavy
+
+    return current(root)
 
 
 def _add(options: argparse.Namespace) -> Answer:

@@ -45,6 +45,11 @@ class Row:
     detail: str = ""
     """What differs."""
 
+    @property
+    def differs(self) -> bool:
+        """Whether the descriptor is known to say something else."""
+        return self.verdict not in ("agrees", "not compared")
+
 
 def compare(descriptor: Descriptor, spec: IOSpec) -> list[Row]:
     """Compare every number of observation and action, in order, with the spec of an environment."""

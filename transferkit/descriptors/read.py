@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from transferkit.descriptors.isaac import IODescriptors, read_isaac
 from transferkit.descriptors.leapp import Leapp, read_leapp
-from transferkit.errors import ArtifactError
+from transferkit.files import others_file
 from transferkit.reading import FormatError, parse_yaml, read_bytes, typed
 
 if TYPE_CHECKING:
@@ -23,16 +23,10 @@ def read_descriptor(path: Path) -> Descriptor:
     Raises:
         ArtifactError: it is missing, damaged or neither.
     """
-    try:
+    with others_file(path):
         data = parse_yaml(read_bytes(path, LARGEST), dict[str, Any])
         if "models" in data:
             return read_leapp(typed(data, Leapp))
         if "actions" in data and "observations" in data:
             return read_isaac(typed(data, IODescriptors))
         raise FormatError("it has neither models, as LEAPP YAML has, nor actions and observations, as Isaac Lab's has")
-    except FileNotFoundError:
-        raise ArtifactError(f"there is no file {path}") from None
-    except OSError as error:
-        raise ArtifactError(f"{path} cannot be read: {error.strerror}") from None
-    except FormatError as error:
-        raise ArtifactError(f"{path} is not read: {error}") from None

@@ -107,19 +107,18 @@ def _actions(foreign: Foreign, spec: IOSpec, given: Given) -> Actions:
     """What its outputs are in our actions, which are -1 to 1 between the environment's bounds."""
     low, high = (torch.tensor([getattr(one, end) for one in spec.action], dtype=torch.float64) for end in ("low", "high"))
     centre, half = (low + high) / 2, (high - low) / 2
-    outputs = foreign.outputs if given.action_scale is None else given.action_scale
-    if given.action_scale is None and foreign.units is not None:
-        return Actions(foreign.units / half, -centre / half)
+    said = foreign.outputs if foreign.units is None else foreign.units
+    outputs = said if given.action_scale is None else given.action_scale
     if outputs is None:
         raise ConfigError(
             "the file does not say what an action of 1 is in the environment",
             remedy="give {action_scale}, in the environment's own units, or {action_scale=bounds}",
         )
-    if given.action_scale is None and foreign.bounds is not None:
+    if given.action_scale is None and foreign.units is None and foreign.bounds is not None:
         _check_bounds(foreign.bounds, low, high, spec.env_id)
-    if outputs == "bounds" and foreign.gain == 1:
+    if isinstance(outputs, str) and foreign.gain == 1:
         return Actions(torch.ones_like(half), torch.zeros_like(half))
-    outputs = foreign.gain * half if outputs == "bounds" else foreign.gain * outputs + torch.zeros_like(half)
+    outputs = foreign.gain * half if isinstance(outputs, str) else foreign.gain * outputs + torch.zeros_like(half)
     actions = Actions(outputs / half, -centre / half)
     if foreign.squash and not (torch.allclose(actions.scale, torch.ones_like(half)) and bool((centre == 0).all())):
         raise FormatError(

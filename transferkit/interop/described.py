@@ -35,7 +35,7 @@ def described(foreign: Foreign, spec: IOSpec, given: Given) -> tuple[Foreign, li
     if own != (len(descriptor.observation), len(descriptor.action)):
         said = f"{len(descriptor.observation)} observations and {len(descriptor.action)} actions"
         raise FormatError(f"its descriptor has {said}, its policy {own[0]} and {own[1]}")
-    rows = [row for row in compare(descriptor, spec) if row.verdict not in ("agrees", "not compared")]
+    rows = [row for row in compare(descriptor, spec) if row.differs]
     notes = [f"{row.part} {row.index}, {row.described}: {row.verdict}, {row.detail or row.measured}" for row in rows]
     found = remap(descriptor, spec)
     if found is None:

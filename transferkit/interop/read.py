@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.errors import ArtifactError, ConfigError
-from transferkit.files import MISFITS
+from transferkit.files import MISFITS, others_file
 from transferkit.interop.archive import Archive
 from transferkit.interop.build import build_core
 from transferkit.interop.cleanrl import is_cleanrl, read_cleanrl
@@ -47,18 +47,13 @@ def read_core(path: Path, spec: IOSpec, given: Given, name: str) -> tuple[Core, 
         DimensionError: it does not fit the environment.
     """
     try:
-        data = read_bytes(path, LARGEST)
-        foreign = _foreign(data, path.suffix)
-        if given.stats is not None or foreign.normalized is None:
-            foreign = replace(foreign, statistics=_statistics(foreign, given))
-        foreign, said = described(foreign, spec, given)
-        core, notes = build_core(foreign, spec, given, name, hashlib.sha256(data).hexdigest())
-    except FileNotFoundError:
-        raise ArtifactError(f"there is no file {path}") from None
-    except OSError as error:
-        raise ArtifactError(f"{path} cannot be read: {error.strerror}") from None
-    except FormatError as error:
-        raise ArtifactError(f"{path} is not read: {error}") from None
+        with others_file(path):
+            data = read_bytes(path, LARGEST)
+            foreign = _foreign(data, path.suffix)
+            if given.stats is not None or foreign.normalized is None:
+                foreign = replace(foreign, statistics=_statistics(foreign, given))
+            foreign, said = described(foreign, spec, given)
+            core, notes = build_core(foreign, spec, given, name, hashlib.sha256(data).hexdigest())
     except MISFITS as error:
         raise ArtifactError(f"{path} is damaged ({type(error).__name__}: {' '.join(str(error).split())[:200]})") from None
     return core, foreign, [*said, *notes]
@@ -95,9 +90,5 @@ def _statistics(foreign: Foreign, given: Given) -> Statistics | None:
         raise ConfigError("the file has observation statistics of its own", remedy="leave out {stats}")
     if str(given.stats) == NONE:
         return None
-    try:
+    with others_file(given.stats):
         return read_statistics(read_bytes(Path(given.stats), LARGEST))
-    except OSError as error:
-        raise ArtifactError(f"{given.stats} cannot be read: {error.strerror}") from None
-    except FormatError as error:
-        raise ArtifactError(f"{given.stats} is not read: {error}") from None

@@ -1,4 +1,4 @@
-"""Matches as files that a person may edit: JSON, or YAML without references, checked against the specs they are of."""
+"""Matches as files that a person may edit: JSON or YAML, checked against the specs they are of."""
 
 from __future__ import annotations
 

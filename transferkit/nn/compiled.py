@@ -5,12 +5,12 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable, Iterable
-from pathlib import Path
 from typing import ParamSpec, TypeVar
 
 import torch
 from torch import Tensor
 
+from transferkit.files import user_folder
 from transferkit.versions import cpp_compiler
 
 TRACING = {
@@ -31,8 +31,7 @@ def compiled(function: Callable[P, R]) -> Callable[P, R]:
     The kernels are called from C++, which takes less time between them and to start. What was compiled is kept in the user's
     cache folder (`TORCHINDUCTOR_CACHE_DIR`).
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "transferkit" / "torchinductor"
-    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(cache))
+    os.environ.setdefault("TORCHINDUCTOR_CACHE_DIR", str(user_folder("XDG_CACHE_HOME", ".cache") / "torchinductor"))
     options: dict[str, str | int | bool | Callable[..., object]] = {"cpp_wrapper": True}
     inner = torch.compile(function, fullgraph=True, dynamic=False, options=options)
 

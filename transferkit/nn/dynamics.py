@@ -67,8 +67,9 @@ class Dynamics(nn.Module):
         self.inputs, self.ensemble, self.obs_dim = inputs, ensemble, obs_dim
         self._kept = 0.0 if absolute else 1.0
         self._has_angles = bool(angles)
-        for name, indices in zip(("_sin", "_cos"), zip(*angles, strict=True) if angles else ((), ()), strict=True):
-            self.register_buffer(name, torch.tensor(indices, dtype=torch.int64), persistent=False)
+        places = torch.tensor(list(angles), dtype=torch.int64).reshape(-1, 2)
+        self.register_buffer("_sin", places[:, 0], persistent=False)
+        self.register_buffer("_cos", places[:, 1], persistent=False)
         self.register_buffer("mean", torch.zeros(obs_dim + 1))
         self.register_buffer("std", torch.ones(obs_dim + 1))
 

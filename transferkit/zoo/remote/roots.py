@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from transferkit.errors import ConfigError
-from transferkit.files import write_atomically, write_json
+from transferkit.files import user_folder, write_atomically, write_json
 from transferkit.reading import FormatError, parse, read_bytes, typed, unsealed
 from transferkit.zoo.card import Sha256
 from transferkit.zoo.remote.index import LARGEST_INDEX, Index, digest_of
@@ -99,7 +98,7 @@ def cache_index(root: Root, data: bytes) -> None:
 
 def cache_folder() -> Path:
     """Where everything that comes from other zoos lies."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "transferkit" / "zoo"
+    return user_folder("XDG_CACHE_HOME", ".cache") / "zoo"
 
 
 def pulled_folder(digest: str) -> Path:
@@ -119,7 +118,7 @@ def _write(listed: list[Root]) -> None:
 
 
 def _list_file() -> Path:
-    return Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "transferkit" / "zoos.json"
+    return user_folder("XDG_CONFIG_HOME", ".config") / "zoos.json"
 
 
 def _index_file(root: Root) -> Path:
