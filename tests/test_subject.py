@@ -11,6 +11,7 @@ from transferkit.budget import Budget
 from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import VectorEnv, make_env
 from transferkit.errors import ConfigError, RunDirectoryError, UnknownNameError
+from transferkit.evaluation import Evaluation
 from transferkit.nn import one_thread
 from transferkit.policy.make import new_policy
 from transferkit.run import RunDirectory, Session
@@ -20,7 +21,6 @@ from transferkit.trainers.loop import train_and_evaluate
 from transferkit.trainers.make import make_trainer
 
 ENV = "InvertedDoublePendulum-v5"
-SCORES = ("return_mean", "return_std", "return_low", "return_high", "n")
 TINY = {
     "ppo": {"ppo.num_envs": 1, "ppo.rollout_steps": 64, "ppo.epochs": 1, "network.hidden": [8]},
     "dyna-ddpg": {
@@ -48,7 +48,7 @@ def trained_by_hand(config, folder):
     trainer = make_trainer(policy, config, partial(derive_spec, ENV), streams, torch.device("cpu"))
     envs = VectorEnv([make_env(ENV)], partial(streams.integer, "environment"))
     with RunDirectory.create(folder, {}) as directory:
-        session = Session(directory, Budget(steps=config.steps), 1, evaluate=lambda _: dict.fromkeys(SCORES, 0.0))
+        session = Session(directory, Budget(steps=config.steps), 1, evaluate=lambda _: Evaluation((0.0,), (1,)))
         train_and_evaluate(trainer, envs, session)
     return policy, trainer
 
@@ -89,7 +89,7 @@ def test_a_run_is_evaluated_as_it_was_and_plays_its_own_environment_or_is_wrappe
     subject = load_subject(str(tmp_path / "run"))
     assert (subject.env, subject.clip_actions) == (ENV, True)
     assert subject.about["training"] == {
-        "algo": "ppo", "preset": "default-v3", "core": None, "member": 0, "seed": 0, "core_digest": None,
+        "algo": "ppo", "preset": "default-v4", "core": None, "member": 0, "seed": 0, "core_digest": None,
     }  # fmt: skip
     other = load_subject(str(tmp_path / "run"), env="InvertedPendulum-v5")  # as a core
     assert (other.env, other.policy.obs_dim, other.about["core"]) == ("InvertedPendulum-v5", 4, "run")

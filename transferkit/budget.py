@@ -30,6 +30,11 @@ class Budget:
         if (self.episodes, self.steps, self.seconds) == (None, None, None):
             raise ConfigError("no budget given", remedy="give {episodes}, {steps} or {seconds}")
 
+    def without(self, spent: Spent) -> Budget:
+        """Take off what is spent, and leave at least the least."""
+        left = {kind: max(limit - getattr(spent, kind), LEAST[kind]) for kind, limit in self.limits().items()}
+        return Budget(**left)  # pyright: ignore[reportArgumentType] - whole where they are
+
     def limits(self) -> dict[str, float]:
         """Return the limits that are given, by kind."""
         return given_limits(asdict(self))
@@ -37,6 +42,10 @@ class Budget:
 
 KINDS = tuple(field.name for field in fields(Budget))
 """Names of the limits."""
+
+
+LEAST = {"episodes": 1, "steps": 1, "seconds": 1e-9}
+"""Of each, what is above nothing."""
 
 
 def given_limits(data: Mapping[str, Any]) -> dict[str, float]:
@@ -59,6 +68,10 @@ class Spent:
             or (budget.episodes is not None and self.episodes >= budget.episodes)
             or (budget.seconds is not None and self.seconds >= budget.seconds)
         )
+
+    def since(self, before: Spent) -> Spent:
+        """Take off what was spent before."""
+        return Spent(self.episodes - before.episodes, self.steps - before.steps, self.seconds - before.seconds)
 
     def fraction(self, budget: Budget) -> float:
         """Return the largest used share of any limit, so that 1.0 ends training."""

@@ -38,6 +38,11 @@ class Evaluation:
         """Mean return."""
         return float(np.mean(self.returns))
 
+    @property
+    def steps(self) -> int:
+        """Environment steps that it took."""
+        return sum(self.lengths)
+
     def scores(self) -> dict[str, float]:
         """Mean, standard deviation over episodes (n - 1), and Student's 95 % interval of the mean."""
         low, high = stats.mean_interval(self.returns)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,15 +14,17 @@ from typing import TYPE_CHECKING, Any
 import gymnasium
 import torch
 
-from transferkit.budget import KINDS, Budget
+from transferkit.budget import KINDS, Budget, Spent
 from transferkit.config import TrainConfig, identity, migrated_blueprint
 from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_written, make_env
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
 from transferkit.policy.blueprints import Sandwiched, plan_of
+from transferkit.policy.make import scratch_policy
 from transferkit.policy.saved import as_saved, state_of
-from transferkit.record.experience import load_experience
+from transferkit.probation import hold_probation
+from transferkit.record.experience import joined, load_experience
 from transferkit.record.play import Subject, record_evaluation
 from transferkit.run import (
     CHECKPOINT,
@@ -40,12 +43,15 @@ from transferkit.trainers.compilation import check_compiler, is_captured, is_com
 from transferkit.trainers.make import make_trainer
 
 if TYPE_CHECKING:
+    from transferkit.evaluation import Evaluation
     from transferkit.matching import Match
     from transferkit.policy.base import Policy
     from transferkit.policy.core import Core
     from transferkit.record.reader import Transitions
-    from transferkit.run import Report, Scores
+    from transferkit.run import Probation, Report, Scores
     from transferkit.trainers.loop import Trainer
+
+LOGGER = logging.getLogger("transferkit")
 
 Ledger = Sequence[Mapping[str, Any]]
 """Name, steps and hash of each recording that training starts with."""
@@ -62,6 +68,10 @@ class Job:
     out: Path
     core: Core | None = None
     record_every: int = 0
+    probation: Probation | None = None
+    """What was found of the core."""
+    seen: Transitions | None = None
+    """What was seen of the target meanwhile, for a run that is yet to start."""
 
     def make_env(self) -> gymnasium.Env:
         """Make one environment under the contract."""
@@ -76,22 +86,50 @@ class Job:
         self.policy.check_fits(dims(env), self.config.env)
         env.close()
 
+    def on_probation(self, *, resume: bool) -> Job:
+        """Let the core prove itself; a job whose core is refused is one from scratch."""
+        pairs = self.config.wrap.probation
+        if self.core is None or not pairs:
+            return self
+        recorded = read_beside(read_record(self.out)).probation if self._is_recorded(resume=resume) else None
+        if self._is_under_way(resume=resume):
+            return self if recorded is None else self._judged(recorded, None)
+        held = hold_probation(self.policy, self.make_env, self._budget(), pairs, self.config.seed)
+        if held is None:
+            LOGGER.warning("%s is trusted: a tenth of the budget is too little to play against doing nothing", self.core.id)
+            return self
+        found, seen = held
+        LOGGER.warning("%s is %s: it is %s", self.core.id, "trusted" if found.accepted else "refused", found.reason)
+        return self._judged(recorded or found, seen)
+
+    def _judged(self, found: Probation, seen: Transitions | None) -> Job:
+        if found.accepted:
+            return replace(self, probation=found, seen=seen)
+        scratch = scratch_policy(self.env, self.config.network, seed=self.config.seed)
+        return replace(self, probation=found, policy=scratch)
+
+    def _is_recorded(self, *, resume: bool) -> bool:
+        return resume and (self.out / RECORD).exists()
+
+    def _is_under_way(self, *, resume: bool) -> bool:
+        return resume and ((self.out / CHECKPOINT).exists() or (self.out / RESULT).exists())
+
     def experience(self, *, resume: bool) -> tuple[Transitions | None, Ledger]:
-        """Load the recordings to start with and their ledger; a run that has a checkpoint needs them no more."""
+        """Load what to start with, and the ledger of its recordings; a run that has a checkpoint needs it no more."""
         config, out = self.config, self.out
         if not config.experience:
-            return None, []
-        if resume and ((out / CHECKPOINT).exists() or (out / RESULT).exists()):
+            return self.seen, []
+        if self._is_under_way(resume=resume):
             return None, [asdict(recording) for recording in read_beside(read_record(out)).recordings]
         transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(self.env))
         if len(transitions) > config.dyna.buffer_size:
             least = f"at least the {len(transitions)} steps of experience"
             raise SettingError("dyna.buffer_size", value=config.dyna.buffer_size, allowed=least)
-        return transitions, ledger
+        return transitions if self.seen is None else joined((transitions, self.seen)), ledger
 
     def compiles(self, *, resume: bool) -> bool:
         """Decide whether the updates are compiled; a run that is taken up goes on as it was."""
-        recorded = read_beside(read_record(self.out)).compiled if resume and (self.out / RECORD).exists() else None
+        recorded = read_beside(read_record(self.out)).compiled if self._is_recorded(resume=resume) else None
 
         def limit() -> int | None:
             with closing(self.make_env()) as env:
@@ -107,8 +145,9 @@ class Job:
         made_of: dict[str, Any] = {"compiled": True} if compiled else {}
         made_of |= {"policy": self.policy.blueprint(), "core_digest": self.core and self.core.digest}
         made_of |= {"recordings": list(ledger)} if ledger else {}
+        made_of |= {"probation": asdict(self.probation)} if self.probation else {}
         made_of |= {} if is_written(self.config.env) else {"spec": derive_spec(self.env).to_json()}
-        if not (resume and (self.out / RECORD).exists()):
+        if not self._is_recorded(resume=resume):
             return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
         recorded = read_record(self.out)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
@@ -136,16 +175,23 @@ class Job:
         """Make the session that counts the run's experience."""
         config = self.config
         schedule = Schedule(config.eval_every, config.stop_at, config.checkpoint_seconds)
-        return Session(directory, self._budget(), trainer.num_envs, evaluate=self.evaluate, schedule=schedule, report=report)
+        probation = self.probation
+        charged = probation and Spent(probation.episodes, probation.steps, probation.seconds)
 
-    def evaluate(self, session: Session) -> Scores:
+        def keep_best() -> None:
+            directory.save_policy(self.trained(trainer), best=True)
+
+        callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
+        return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, charged=charged)
+
+    def evaluate(self, session: Session) -> Evaluation:
         """Evaluate the policy as it would be loaded, and record an episode if one is due."""
         policy, config = as_saved(self.policy), self.config
         if self.record_every and session.evaluations % self.record_every == 0:
             steps = session.spent.steps
             about = {"run": str(self.out), "core": config.core, "training_seed": config.seed, "steps": steps}
             record_evaluation(Subject(policy, self.env, **asdict(config.env_config), about=about), self.out, steps)
-        return evaluate(policy, self.make_env, episodes=config.eval_episodes).scores()
+        return evaluate(policy, self.make_env, episodes=config.eval_episodes)
 
     def trained(self, trainer: Trainer) -> dict[str, Any]:
         """Collect the trained policy, and what was trained beside it, to be saved."""
@@ -169,6 +215,9 @@ class Job:
             eval_episodes=int(scores["n"]),
             run_dir=str(self.out),
             prior_steps=sum(entry["steps"] for entry in ledger),
+            best=session.best,
+            evaluation_steps=session.evaluation_steps,
+            probation=self.probation,
             earlier=session.directory.earlier,
         )
 

@@ -56,6 +56,8 @@ class Recipe:
     """One sentence for the card."""
     policy_only: bool = False
     """Leave out critics and model, which take five to ten times the space of the policy."""
+    best: bool = False
+    """Take of each member the best policy that its evaluations found, not the final one; they need `eval_every`."""
     workers: Annotated[int, AT_LEAST_ONE] = 2
     """Members trained at the same time."""
 
@@ -85,13 +87,16 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         raise SettingError("model.predict", value="state", allowed="'change' for the model of a core")
     if config.stop_at is not None and config.stop_at < recipe.threshold:
         raise SettingError("stop_at", value=config.stop_at, allowed=f"at least the threshold {recipe.threshold:g}")
+    if recipe.best and not config.eval_every:
+        raise ConfigError("the best policy is found by evaluations during training", remedy="give {eval_every} with {best}")
     folder = recipe.zoo / recipe.id
     if folder.exists():
         raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
     if config.algo == "dyna-ddpg" and not recipe.policy_only:
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
     results = _train_members(recipe, config)
-    policies = [policy for policy in map(load_policy, (r.run_dir for r in results)) if isinstance(policy, ScratchPolicy)]
+    loaded = [load_policy(result.run_dir, best=recipe.best) for result in results]
+    policies = [policy for policy in loaded if isinstance(policy, ScratchPolicy)]
     returns = [
         evaluate(
             policy,
@@ -103,7 +108,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         for policy in policies
     ]
     score = _score(recipe, returns)
-    beside = [{} if recipe.policy_only else load_components(result.run_dir) for result in results]
+    beside = [{} if recipe.policy_only else load_components(result.run_dir, best=recipe.best) for result in results]
     core = _core(recipe, config, policies, beside)
     return release(core, _card(recipe, config, core, results, score), folder)
 
@@ -160,6 +165,7 @@ def _core(
 
 def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
     components = components_card(core)
+    best = ", each at its best evaluation" if recipe.best else ""
     return Card(
         id=recipe.id,
         description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",
@@ -172,5 +178,5 @@ def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result]
         config=asdict(config),
         versions=versions(),
         files={},
-        history=(f"v{recipe.version}: {', '.join(components)}; trained with {config.algo}",),
+        history=(f"v{recipe.version}: {', '.join(components)}; trained with {config.algo}{best}",),
     )

@@ -17,9 +17,9 @@ from transferkit.files import damaged_run
 from transferkit.nn import Critic, Ensemble, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
-from transferkit.policy.saved import load_policy, load_saved
+from transferkit.policy.saved import load_policy, load_saved, policy_file
 from transferkit.record.play import Subject
-from transferkit.run import POLICY, RECORD, read_beside, read_record
+from transferkit.run import RECORD, read_beside, read_record
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough
 from transferkit.zoo.artifact import load_core
@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from transferkit.spec import IOSpec
 
 
-def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = None, values: bool = True) -> Subject:
+def load_subject(
+    name: str, *, env: EnvLike | None = None, member: int | None = None, best: bool = False, values: bool = True
+) -> Subject:
     """Load a finished run's policy, or a core: in its own environment, or wrapped onto another one without training.
 
     Args:
@@ -42,10 +44,11 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
         env: the environment to play in, in any form; by default the run's, if a record can make it again, or the core's source.
             A run plays as it is where its dimensions fit, and is wrapped as a core where they do not.
         member: of a core; by default the first.
+        best: of a run: the best policy that its evaluations found, instead of the final one.
         values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
 
     Raises:
-        ConfigError: a run is asked for with a member.
+        ConfigError: a run is asked for with a member, or a core for its best.
         EnvironmentContractError: the run's environment is not in writing, or needs a module, and none is named.
         UnknownNameError: neither a run nor a core has this name.
     """
@@ -53,7 +56,9 @@ def load_subject(name: str, *, env: EnvLike | None = None, member: int | None = 
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
         if env is None or dims_of(env) == _dims(load_policy(name)):
-            return _run_subject(Path(name), env, values=values)
+            return _run_subject(Path(name), env, best=best, values=values)
+    if best:
+        raise ConfigError(f"{name} has no best policy here", remedy="leave out {best}: it is of a run in its own environment")
     member = member or 0
     try:
         core = load_core(name, env=env if isinstance(env, str) else None)
@@ -113,7 +118,7 @@ def evaluate_subject(
     )
 
 
-def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
+def load_value(run_dir: str | Path, policy: Policy, *, best: bool = False) -> Value | None:
     """Load what a finished run's critics think of its policy's actions, in their scale.
 
     None if it kept no critic, or wrapped one for a policy that it was given ready made.
@@ -121,9 +126,9 @@ def load_value(run_dir: str | Path, policy: Policy) -> Value | None:
     Raises:
         RunDirectoryError: a wrapped critic cannot be rebuilt, because its core is not what it was.
     """
-    saved, record = load_saved(run_dir).parts, read_record(Path(run_dir))
+    saved, record = load_saved(run_dir, best=best).parts, read_record(Path(run_dir))
     config = TrainConfig.from_json(record)
-    with damaged_run(Path(run_dir) / POLICY):
+    with damaged_run(policy_file(run_dir, best=best)):
         if "value" in saved:
             critic = StateCritic(policy.obs_dim, config.network.hidden, config.network.activation, normalizer=policy.normalizer)
             critic.load_state_dict(saved["value"].weights)
@@ -153,22 +158,22 @@ def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run
     return make_critic(rebuilt, config.dyna, config.network.hidden, Streams(0).torch("critic"), wrapped=True)
 
 
-def _run_subject(run: Path, env: EnvLike | None, *, values: bool) -> Subject:
+def _run_subject(run: Path, env: EnvLike | None, *, best: bool, values: bool) -> Subject:
     record = read_record(run)
     config = TrainConfig.from_json(record)
     home = id_from_file(config.env, run) if env is None else env
-    policy = load_policy(run)
-    digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
+    policy = load_policy(run, best=best)
+    digest = hashlib.sha256(policy_file(run, best=best).read_bytes()).hexdigest()
     training = {name: getattr(config, name) for name in ("algo", "preset", "core", "member", "seed")}
     training["core_digest"] = read_beside(record).core_digest
     about = {"run": str(run), "policy_sha256": digest, "training": training}
-    value = _value(run, policy) if values else None
+    value = _value(run, policy, best=best) if values else None
     return Subject(policy, home, value, **asdict(config.env_config), about=about)
 
 
-def _value(run: Path, policy: Policy) -> Value | None:
+def _value(run: Path, policy: Policy, *, best: bool) -> Value | None:
     try:
-        return load_value(run, policy)
+        return load_value(run, policy, best=best)
     except TransferkitError as error:
         logging.getLogger("transferkit").warning("values are not recorded: %s", error)
         return None

@@ -139,6 +139,7 @@ def _core_of(policy: Policy) -> tuple[Core | None, dict[str, Any]]:
 
 def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
     job.check()
+    job = job.on_probation(resume=resume)
     prior, ledger = job.experience(resume=resume)
     compiled = job.compiles(resume=resume)
     directory, checkpoint = job.open(ledger, compiled=compiled, resume=resume)

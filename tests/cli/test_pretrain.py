@@ -10,6 +10,7 @@ def test_pretrain_refuses_a_core_below_its_threshold_and_writes_a_good_one(capsy
     assert code == 2
     assert "refused" in err
     assert not (tmp_path / "zoo/small-v1").exists()
+    assert "give --eval-every with --best" in run(capsys, *command, "--threshold", "1", "--best")[2]
     longer = [word.replace("300", "400") for word in command]
     code, _, err = run(capsys, *longer, "--threshold", "950")  # members are trained in one go
     assert (code, "steps is 300 there and 400 here" in err) == (2, True)

@@ -35,6 +35,23 @@ def test_train_and_eval(capsys, tmp_path):
     assert run_json(capsys, *command, "--out", out, "--resume") == result
 
 
+def test_the_best_policy_is_evaluated_and_exported_as_it_was(capsys, tmp_path):
+    out, last = str(tmp_path / "run"), str(tmp_path / "last")
+    command = ["train", "--env", "InvertedPendulum-v5", "--steps", "2000", "--seed", "1", *FAST]
+    best = run_json(capsys, *command, "--eval-every", "200", "--out", out)["best"]
+    means = [float(line.split(",")[3]) for line in (tmp_path / "run/evaluations.csv").read_text().splitlines()[1:]]
+    assert best["return_mean"] == max(means) > means[-1]
+    assert run_json(capsys, "eval", out, "--best", "--episodes", "2")["return_mean"] == max(means)
+    assert run_json(capsys, "eval", out, "--episodes", "2")["return_mean"] == means[-1]
+    for name in ("best", "last"):
+        flags = ["--best"] if name == "best" else []
+        run_json(capsys, "export", out, *flags, "--out", str(tmp_path / f"{name}.onnx"))
+    assert (tmp_path / "best.onnx").read_bytes() != (tmp_path / "last.onnx").read_bytes()
+    assert run_json(capsys, *command, "--out", last)["best"] is None
+    assert "has one policy" in run(capsys, "eval", last, "--best")[2]
+    assert "--trust-core has no effect" in run(capsys, *command, "--trust-core")[2]
+
+
 @pytest.mark.parametrize("algo", ["dyna-ddpg", "dyna-ppo"])
 def test_train_with_a_model_and_plot(capsys, tmp_path, algo):
     out = str(tmp_path / "run")

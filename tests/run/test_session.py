@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from transferkit.budget import Budget
-from transferkit.run import EpisodeRow, EvaluationRow, RunDirectory, Schedule, Session, load_state, read_table
+from transferkit.budget import Budget, Spent
+from transferkit.evaluation import Evaluation
+from transferkit.run import Best, EpisodeRow, EvaluationRow, RunDirectory, Schedule, Session, load_state, read_table
 
 TEN = Budget(steps=10)
-SCORES = {"return_mean": 4.0, "return_std": 1.0, "return_low": 3.0, "return_high": 5.0, "n": 2}
 
 
 @pytest.fixture
@@ -17,7 +17,7 @@ def session(tmp_path):
         directory = RunDirectory.create(tmp_path / str(len(made)), {})
         made.append(directory)
         means = iter(scores)
-        evaluate = lambda _: SCORES | {"return_mean": next(means, 4.0)}  # noqa: E731
+        evaluate = lambda _: Evaluation((next(means, 4.0),), (25,))  # noqa: E731
         return Session(directory, budget, num_envs, evaluate=evaluate, schedule=Schedule(**schedule))
 
     yield make
@@ -79,6 +79,47 @@ def test_an_evaluation_that_is_good_enough_ends_the_run_but_not_the_first(sessio
     assert progress == [0.02, 1.0]
 
 
+def test_the_best_evaluation_is_kept_also_over_a_checkpoint(tmp_path):
+    kept = []
+
+    def make(name, scores):
+        evaluate = lambda _: Evaluation((next(scores),), (25,))  # noqa: E731
+        directory = RunDirectory.create(tmp_path / name, {})
+        keep = lambda: kept.append(made.spent.steps)  # noqa: E731
+        made = Session(directory, Budget(steps=99), 1, evaluate=evaluate, keep_best=keep, schedule=Schedule(2))
+        return made
+
+    def go_on(made):
+        with made.running():
+            for _ in range(8):
+                step(made)
+                update(made)
+            made.checkpoint({})
+            return load_state(made.directory.path / "checkpoint.safetensors")["session"]
+
+    state = go_on(make("one", iter([1.0, 3.0, 2.0, 3.0])))
+    assert kept == [2, 4]  # not what is no better
+    made = make("two", iter([2.5, 3.5, 3.0, 3.0]))
+    made.restore(state)
+    go_on(made)
+    assert kept == [2, 4, 12]
+    assert made.best == Best(12, 3.5)
+    assert made.evaluation_steps == 8 * 25
+
+
+def test_what_was_charged_before_training_is_spent_and_the_trainer_sees_what_is_left(tmp_path):
+    directory = RunDirectory.create(tmp_path / "run", {})
+    budget, charged = Budget(steps=10, episodes=8), Spent(4, 6, 1.5)
+    made = Session(directory, budget, 1, evaluate=lambda _: Evaluation((4.0,), (25,)), charged=charged)
+    assert (made.progress, made.trained.steps) == (0.0, 0)
+    with made.running():
+        assert [step(made) for _ in range(2)] == [False, False]
+        assert (made.progress, made.trained.steps, made.spent.steps) == (0.5, 2, 8)
+        assert [step(made) for _ in range(2)] == [False, True]
+        assert (made.progress, made.spent.episodes) == (1.0, 4)
+        assert made.spent.seconds >= 1.5
+
+
 def test_what_is_spent_and_scored_goes_on_from_a_checkpoint(session):
     made = session(num_envs=2, eval_every=2)
     with made.running():
@@ -101,7 +142,11 @@ def test_progress_shows_the_mean_of_the_last_returns(tmp_path):
     seen = []
     with RunDirectory.create(tmp_path / "run", {}) as directory:
         made = Session(
-            directory, Budget(steps=99), 1, evaluate=lambda _: SCORES, report=lambda spent, metrics: seen.append(dict(metrics))
+            directory,
+            Budget(steps=99),
+            1,
+            evaluate=lambda _: Evaluation((4.0,), (25,)),
+            report=lambda spent, metrics: seen.append(dict(metrics)),
         )
         with made.running():
             update(made, loss=0.5)

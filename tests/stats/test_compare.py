@@ -8,6 +8,7 @@ from transferkit.stats import (
     paired_difference,
     performance_profile,
     probability_of_improvement,
+    sign_flip_p,
     stratified_interval,
 )
 
@@ -68,3 +69,11 @@ def test_as_rliable():
     low, high = stratified_interval(scores, np.mean)
     width = interval["a"][1, 0] - interval["a"][0, 0]  # rliable's percentiles, not moved outwards for ten runs
     assert width < high - low < 1.4 * width
+
+
+def test_sign_flips_are_counted():
+    assert sign_flip_p([1, 2, 3, 4, 5]) == 1 / 32
+    assert sign_flip_p([1, -1]) == 3 / 4
+    assert sign_flip_p([3, 2, -1]) == 2 / 8  # of sums 6, 4, 2, 0, 0, -2, -4, -6 two are at least 4
+    assert sign_flip_p([-1, -2]) == 1.0
+    assert (sign_flip_p([0.5]), sign_flip_p([0.0])) == (0.5, 1.0)

@@ -10,6 +10,7 @@ from tests.toys import Counter
 from transferkit.budget import Budget
 from transferkit.envs import VectorEnv, make_env
 from transferkit.errors import InterruptedRunError, NotFiniteError
+from transferkit.evaluation import Evaluation
 from transferkit.run import EvaluationRow, RunDirectory, Schedule, Session, load_state, read_table
 from transferkit.trainers.loop import migrated_checkpoint, train_and_evaluate
 
@@ -40,7 +41,7 @@ class Adder:
         return {}
 
 
-SCORES = {"return_mean": 4.0, "return_std": 1.0, "return_low": 3.0, "return_high": 5.0, "n": 2}
+SCORES = Evaluation((3.0, 5.0), (2, 2))
 
 
 def start(path, trainer, *, resume=False, report=None, steps=20, eval_every=0):
@@ -50,7 +51,7 @@ def start(path, trainer, *, resume=False, report=None, steps=20, eval_every=0):
     schedule = Schedule(eval_every, checkpoint_seconds=0.0)
     with directory:
         session = Session(directory, Budget(steps=steps), 1, evaluate=lambda _: SCORES, schedule=schedule, report=report)
-        assert train_and_evaluate(trainer, envs, session, checkpoint) == SCORES
+        assert train_and_evaluate(trainer, envs, session, checkpoint) == SCORES.scores()
     return session
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser, whole
 from transferkit.cli.environment import add_environment, environment
+from transferkit.cli.subject import add_best
 from transferkit.config.checks import NOT_NEGATIVE
 from transferkit.errors import ConfigError
 from transferkit.files import check_new
@@ -22,6 +23,7 @@ def main(arguments: Sequence[str]) -> Answer:
         "environment of the policy; a core or a run is wrapped onto another than its own; with --minari, the recordings' own",
     )
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
+    add_best(flags)
     flags.add_argument("--leapp", type=Path, metavar="FILE.yaml", help="also write LEAPP YAML and its network")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
@@ -54,7 +56,7 @@ def _onnx(options: argparse.Namespace) -> Answer:
 
     name, out = options.names[0], options.out
     env = environment(options, lambda: home_of(name))
-    subject = load_subject(name, env=env, member=options.member, values=False)
+    subject = load_subject(name, env=env, member=options.member, best=options.best, values=False)
     beside = "" if options.leapp is None else f"\n{options.leapp} with {export_leapp(subject, options.leapp)}"
     difference = export_onnx(subject, out)
     how = f"\n{name} is wrapped onto {env} and not trained there" if subject.wrapped else ""

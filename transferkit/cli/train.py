@@ -15,7 +15,7 @@ from transferkit.cli.answer import Answer
 from transferkit.cli.environment import gathered, with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.config import TrainConfig, check_read
-from transferkit.errors import SettingError
+from transferkit.errors import ConfigError, SettingError
 from transferkit.table import format_table
 
 
@@ -37,6 +37,7 @@ def main(arguments: Sequence[str]) -> Answer:
         out: Path | None = None,
         resume: bool = False,
         record: str | None = None,
+        trust_core: bool = False,
         env_kwargs: tuple[str, ...] = (),
         vary: tuple[str, ...] = (),
     ) -> _Request:
@@ -47,14 +48,23 @@ def main(arguments: Sequence[str]) -> Answer:
             out: run directory; by default `runs/` with a name made of the configuration.
             resume: go on where the run directory stopped, to the bit; a finished run goes on if its budget is larger now.
             record: `every=N` records an episode of every Nth evaluation as MCAP in the run directory.
+            trust_core: train the core even if it is no better than doing nothing, and do not ask (`--wrap.probation 0`).
             env_kwargs: NAME=VALUE keyword arguments of the environment; `--env 'ENV?NAME=VALUE'` is the same.
             vary: NAME=VALUE changes of the robot, such as mass=1.3 friction=0.5..1.5; a range is drawn every episode.
         """
+        if trust_core:
+            config = _trusting(config)
         return _Request(replace(config, env=with_arguments(config.env, env_kwargs, vary)), out, resume, _every(record))
 
-    request = parse(command, "transferkit train", arguments, ("out", "resume", "record", "env-kwargs", "vary"))
+    request = parse(command, "transferkit train", arguments, ("out", "resume", "record", "trust-core", "env-kwargs", "vary"))
     check_read(request.config, settings_in(arguments))
     return _train(request)
+
+
+def _trusting(config: TrainConfig) -> TrainConfig:
+    if config.core is None:
+        raise ConfigError("{trust_core} has no effect without a core", remedy="leave it out, or give {core}")
+    return replace(config, wrap=replace(config.wrap, probation=0))
 
 
 def _every(record: str | None) -> int:
@@ -81,6 +91,11 @@ def _train(request: _Request) -> Answer:
 
 def _rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The fields of a result; what the run came to before it was given more budget as a row each."""
-    rows = [(name, str(value)) for name, value in result.items() if name != "earlier"]
+    told = {"best": "return {return_mean} after {steps} steps", "probation": "{reason}; {episodes} episodes, {steps} steps"}
+    rows = [
+        (name, told[name].format(**value) if name in told and value else str(value))
+        for name, value in result.items()
+        if name != "earlier"
+    ]
     text = "return {eval_return_mean} after {episodes} episodes, {steps} steps, {seconds} seconds"
     return rows + [(f"before budget {k}", text.format(**before)) for k, before in enumerate(result["earlier"], 2)]

@@ -7,7 +7,7 @@ newest default of PPO, so whoever changes one writes the old value into the vers
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Literal
 
 from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
@@ -43,16 +43,30 @@ USED: Mapping[Algorithm, tuple[str, ...]] = {
 
 DDPG_NETWORK = NetworkConfig(hidden=(128, 128), activation="relu", init_std=0.3)
 
+FIVE_CRITICS = DynaConfig(
+    critics=5,
+    drawn_critics=2,
+    pessimism=0.25,
+    updates_per_step=10,
+    hold_seconds=0.03,
+    discount_seconds=None,
+    gamma=0.975,
+)
+
 IMAGINED_PPO = PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)
 
 MECHANISM = WrapConfig(limbs="all", forces="auto", hold=0)
 """A sandwich that is matched by what the two robots are."""
+
+ON_PROBATION = replace(MECHANISM, probation=5)
+"""And that is trained only if it is better than doing nothing."""
 
 PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     "ppo": {
         "default-v1": Preset(ppo=IMAGINED_PPO),
         "default-v2": Preset(),
         "default-v3": Preset(wrap=MECHANISM),
+        "default-v4": Preset(wrap=ON_PROBATION),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -77,19 +91,8 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
     "dyna-ddpg": {
         "default-v1": Preset(network=DDPG_NETWORK),
-        "default-v2": Preset(
-            network=DDPG_NETWORK,
-            dyna=DynaConfig(
-                critics=5,
-                drawn_critics=2,
-                pessimism=0.25,
-                updates_per_step=10,
-                hold_seconds=0.03,
-                discount_seconds=None,
-                gamma=0.975,
-            ),
-            wrap=MECHANISM,
-        ),
+        "default-v2": Preset(network=DDPG_NETWORK, dyna=FIVE_CRITICS, wrap=MECHANISM),
+        "default-v3": Preset(network=DDPG_NETWORK, dyna=FIVE_CRITICS, wrap=ON_PROBATION),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -141,6 +144,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         # By KL divergence, PPO's default, it learnt less on all of four tuning seeds.
         "default-v1": Preset(ppo=IMAGINED_PPO),
         "default-v2": Preset(ppo=IMAGINED_PPO, wrap=MECHANISM),
+        "default-v3": Preset(ppo=IMAGINED_PPO, wrap=ON_PROBATION),
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` of PPO and `default-v1` of the others until 2026-11-28;

@@ -50,6 +50,9 @@ class WrapConfig:
     it, 0.5 to unfreeze it half way."""
     lr_scale: Mapping[str, float] = field(default_factory=lambda: {"core": 0.3})
     """Learning rate of a part as a multiple of the trainer's."""
+    probation: Annotated[int, Range(0, 1000)] = 0
+    """Pairs of episodes in which the core plays against zero action before it is trained; one that is no better is refused, and
+    the run is one from scratch. 0 trusts it, and so does a budget that is too small to ask."""
     critic: bool = False
     """Wrap the core's critics too, if it has as many as the trainer wants and drives one limb; by default they are new, because
     with wrapped ones a larger robot was learnt more slowly (study `residual`)."""

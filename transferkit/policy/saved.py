@@ -15,7 +15,7 @@ from transferkit.files import damaged_run
 from transferkit.nn import Ensemble, EnsembleArchitecture
 from transferkit.policy.blueprints import build, plan_of
 from transferkit.reading import typed
-from transferkit.run import POLICY, load_state
+from transferkit.run import BEST, POLICY, load_state
 from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
@@ -48,14 +48,14 @@ def state_of(policy: Policy, beside: Mapping[str, nn.Module]) -> dict[str, Any]:
     return {"blueprint": policy.blueprint(), "weights": _weights(policy), "parts": others}
 
 
-def load_policy(run_dir: str | Path) -> Policy:
-    """Load the final policy of a finished run, with its normaliser.
+def load_policy(run_dir: str | Path, *, best: bool = False) -> Policy:
+    """Load the final policy of a finished run, or the best that its evaluations found, with its normaliser.
 
     Raises:
-        RunDirectoryError: the run is not finished, or its policy file is damaged.
+        RunDirectoryError: the run is not finished, its policy file is damaged, or there is no best policy.
     """
-    saved = load_saved(run_dir)
-    with damaged_run(Path(run_dir) / POLICY):
+    saved = load_saved(run_dir, best=best)
+    with damaged_run(policy_file(run_dir, best=best)):
         plan = plan_of(saved.blueprint)
         check_enough(saved.weights.values(), plan.weights, "its blueprint")
         policy = plan.build()
@@ -63,24 +63,39 @@ def load_policy(run_dir: str | Path) -> Policy:
     return policy
 
 
-def load_components(run_dir: str | Path) -> dict[str, Component]:
+def load_components(run_dir: str | Path, *, best: bool = False) -> dict[str, Component]:
     """Load what a finished run trained from scratch beside its policy for a core to keep: `critic`, `dynamics`, or nothing."""
-    parts = load_saved(run_dir).parts.items()
+    parts = load_saved(run_dir, best=best).parts.items()
     return {name: (saved.architecture, saved.weights) for name, saved in parts if saved.architecture is not None}
 
 
-def load_saved(run_dir: str | Path) -> Saved:
+def load_saved(run_dir: str | Path, *, best: bool = False) -> Saved:
     """Load what `state_of` collected.
 
     Raises:
-        RunDirectoryError: the run is not finished, or its policy file is damaged.
+        RunDirectoryError: the run is not finished, its policy file is damaged, or there is no best policy.
     """
-    path = Path(run_dir) / POLICY
-    if not path.exists():
-        raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
+    path = policy_file(run_dir, best=best)
     state = load_state(path)
     with damaged_run(path):
         return typed(state, Saved)
+
+
+def policy_file(run_dir: str | Path, *, best: bool = False) -> Path:
+    """The file of a finished run's final policy, or of its best.
+
+    Raises:
+        RunDirectoryError: the run is not finished, or there is no best policy.
+    """
+    run = Path(run_dir)
+    if not (run / POLICY).exists():
+        raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
+    if best and not (run / BEST).exists():
+        raise RunDirectoryError(
+            f"{run_dir} was evaluated only at its end, and has one policy",
+            remedy="leave out {best}, or train with {eval_every}",
+        )
+    return run / (BEST if best else POLICY)
 
 
 def as_saved(policy: Policy) -> Policy:

@@ -1,24 +1,27 @@
 """The run directory: what a training run writes, so that a kill at any moment leaves it readable and resumable."""
 
 from transferkit.run.continuation import finished_result
-from transferkit.run.directory import CHECKPOINT, POLICY, RunDirectory, check_same, read_beside, read_record
-from transferkit.run.result import RECORD, RESULT, Beside, Earlier, Record, Result
+from transferkit.run.directory import BEST, CHECKPOINT, POLICY, RunDirectory, check_same, read_beside, read_record
+from transferkit.run.result import RECORD, RESULT, Beside, Best, Earlier, Probation, Record, Result
 from transferkit.run.session import Report, Schedule, Scores, Session
 from transferkit.run.state_file import check_alike, load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES, EpisodeRow, EvaluationRow, ModelRow, Row, read_table
 
 __all__ = [
     "ALWAYS",
+    "BEST",
     "CHECKPOINT",
     "POLICY",
     "RECORD",
     "RESULT",
     "TABLES",
     "Beside",
+    "Best",
     "Earlier",
     "EpisodeRow",
     "EvaluationRow",
     "ModelRow",
+    "Probation",
     "Record",
     "Report",
     "Result",

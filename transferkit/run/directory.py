@@ -33,7 +33,9 @@ if TYPE_CHECKING:
     from transferkit.run.result import Earlier, Result
     from transferkit.run.tables import Row
 
-POLICY = "policy.safetensors"
+POLICY, BEST = "policy.safetensors", "best.safetensors"
+"""The policy that a run ended with, and the one that its evaluations during training found best."""
+
 LOCK = ".lock"
 LEFTOVERS = (LOCK, RECORD + ".tmp")
 """Files that a start leaves behind if it is killed before it wrote its record."""
@@ -111,9 +113,9 @@ class RunDirectory:
             lengths[name] = file.tell()
         save_state(self.path / CHECKPOINT, {**state, "tables": lengths})
 
-    def save_policy(self, state: Mapping[str, Any]) -> None:
-        """Write the final policy."""
-        save_state(self.path / POLICY, state)
+    def save_policy(self, state: Mapping[str, Any], *, best: bool = False) -> None:
+        """Write the final policy, or the best so far."""
+        save_state(self.path / (BEST if best else POLICY), state)
 
     def finish(self, result: Result) -> Result:
         """Write the result with the checksums of the tables, and return it; a run with a result is finished."""
@@ -169,7 +171,7 @@ class RunDirectory:
 
     def _check_regular(self) -> None:
         """Refuse links, pipes and devices, which a folder from a stranger may have in place of files that are written."""
-        names = (LOCK, RECORD, CHECKPOINT, POLICY, RESULT, *(kind.file(self.path).name for kind in TABLES))
+        names = (LOCK, RECORD, CHECKPOINT, POLICY, BEST, RESULT, *(kind.file(self.path).name for kind in TABLES))
         for path in (self.path / name for name in names):
             if path.is_symlink() or (path.exists() and not path.is_file()):
                 raise RunDirectoryError(f"{path} is not a regular file", remedy="choose another {out}")

@@ -27,6 +27,14 @@ class Earlier:
 
 
 @dataclass(frozen=True)
+class Best:
+    """The evaluation with the highest mean return; its policy is kept beside the final one."""
+
+    steps: Count
+    return_mean: float
+
+
+@dataclass(frozen=True)
 class Continuation:
     """What a finished run goes on with."""
 
@@ -62,6 +70,23 @@ class Recording:
 
 
 @dataclass(frozen=True)
+class Probation:
+    """How a wrapped core did against doing nothing, before any training."""
+
+    accepted: bool
+    """Whether it is trained; if not, the run is one from scratch."""
+    reason: str
+    core: tuple[float, ...]
+    """Returns of the core's episodes."""
+    zero: tuple[float, ...]
+    """Returns of zero action from the same starts."""
+    episodes: Count
+    """What it cost, of the run's budget: episodes of both."""
+    steps: Count
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Beside:
     """What the configuration in the record of a training run has beside its settings."""
 
@@ -73,6 +98,8 @@ class Beside:
     recordings: tuple[Recording, ...] = ()
     spec: IOSpec | None = None
     """What the environment's numbers mean, where no id makes it again."""
+    probation: Probation | None = None
+    """What was found of the core before training, where it was asked."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +128,12 @@ class Result:
     run_dir: str
     prior_steps: int = 0
     """Steps of recordings that training started with; in no other count."""
+    best: Best | None = None
+    """The best evaluation, of a run that is evaluated during training."""
+    evaluation_steps: int = 0
+    """Environment steps of all evaluations; in no other count, but whoever takes the best policy has used them."""
+    probation: Probation | None = None
+    """What was found of the core before training; its episodes, steps and seconds are in the counts."""
     earlier: tuple[Earlier, ...] = ()
     """What it had spent and scored each time before it was given more budget; all other fields are of the whole run."""
 

@@ -6,14 +6,15 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, NotRequired, Protocol, TypedDict
 
 import numpy as np
 
 from transferkit.budget import Spent
 from transferkit.errors import InterruptedRunError, NotFiniteError
 from transferkit.reading import Count, FormatError, typed
+from transferkit.run.result import Best
 from transferkit.run.scalars import ScalarLog
 from transferkit.run.stop_signals import StopRequest, stop_signals
 from transferkit.run.tables import EpisodeRow, EvaluationRow
@@ -41,9 +42,25 @@ State = TypedDict(
         "evaluated": Count,
         "evaluations": Count,
         "scores": NotRequired[dict[str, float]],
+        "evaluation_steps": NotRequired[Count],
+        "best": NotRequired[list[Best]],
     },
 )
 """What a checkpoint says of a session; older ones have no scores, and evaluate their last step again."""
+
+
+class Evaluated(Protocol):
+    """What an evaluation comes to."""
+
+    @property
+    def steps(self) -> int:
+        """Environment steps that it took."""
+        ...
+
+    def scores(self) -> Scores:
+        """What its row says."""
+        ...
+
 
 Report = Callable[[Spent, Mapping[str, float]], None]
 """Called after every update with what is spent and the latest metrics, for a progress bar."""
@@ -69,29 +86,40 @@ class Session:
         budget: Budget,
         num_envs: int,
         *,
-        evaluate: Callable[[Session], Scores],
+        evaluate: Callable[[Session], Evaluated],
+        keep_best: Callable[[], None] = lambda: None,
         schedule: Schedule | None = None,
         report: Report | None = None,
+        charged: Spent | None = None,
     ) -> None:
-        self.directory, self.budget, self.spent = directory, budget, Spent()
-        self._evaluate, self.schedule, self._report = evaluate, schedule or Schedule(), report
+        """Start with what was `charged` before training; it counts as spent, and the trainer knows nothing of it."""
+        self.directory, self.budget, self.spent = directory, budget, Spent() if charged is None else charged
+        self._charged, self._left = replace(self.spent), budget.without(self.spent)
+        self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
         self._recent: deque[float] = deque(maxlen=RECENT)
-        self._evaluated = self.evaluations = 0
+        self._evaluated = self.evaluations = self.evaluation_steps = 0
+        self.best: Best | None = None
         self._scores: Scores = {}
         self._stop = StopRequest()
-        self._started = self._saved = self._seconds_before = 0.0
+        self._started = self._saved = 0.0
+        self._seconds_before = self.spent.seconds
         self._log: ScalarLog
+
+    @property
+    def trained(self) -> Spent:
+        """What is spent on training."""
+        return self.spent.since(self._charged)
 
     @property
     def progress(self) -> float:
         """Share of the budget that is spent; 1 once an evaluation was good enough to stop."""
-        return 1.0 if self._good_enough else self.spent.fraction(self.budget)
+        return 1.0 if self._good_enough else self.trained.fraction(self._left)
 
     @property
     def step_progress(self) -> float:
         """Share of the budget's steps that is spent; of the budget, if it does not limit them."""
-        return self.spent.step_fraction(self.budget)
+        return self.trained.step_fraction(self._left)
 
     def count(self, index: int, reward: float, *, terminated: bool, truncated: bool) -> bool:
         """Book one step of one environment; True once the budget is reached."""
@@ -128,16 +156,21 @@ class Session:
             )
 
     def evaluate(self) -> Scores:
-        """Evaluate the policy, off the clock, and write the row; at a step that has been evaluated nothing is done again."""
+        """Evaluate the policy, off the clock, write the row and keep the best; not twice at the same step."""
         if self._scores and self._evaluated == self.spent.steps:
             return self._scores
         spent = self.spent
         with self._paused():
-            scores = self._evaluate(self)
+            evaluated = self._evaluate(self)
+            scores = evaluated.scores()
             self.directory.append(EvaluationRow(spent.episodes, spent.steps, round(spent.seconds, 3), **scores))
             self._add_scalars({f"evaluation/{name}": value for name, value in scores.items()})
+            if self.schedule.eval_every and (self.best is None or scores["return_mean"] > self.best.return_mean):
+                self.best = Best(spent.steps, scores["return_mean"])
+                self._keep_best()
         self._evaluated, self._scores = spent.steps, scores
         self.evaluations += 1
+        self.evaluation_steps += evaluated.steps
         return scores
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
@@ -150,6 +183,8 @@ class Session:
             "evaluated": self._evaluated,
             "evaluations": self.evaluations,
             "scores": dict(self._scores),
+            "evaluation_steps": self.evaluation_steps,
+            "best": [] if self.best is None else [asdict(self.best)],
         }
         self.directory.checkpoint({"session": own, **state})
         self._saved = time.monotonic()
@@ -169,7 +204,8 @@ class Session:
         self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
         self._recent.extend(state["recent"])
         self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
-        self._scores = scores
+        self._scores, self.evaluation_steps = scores, state.get("evaluation_steps", 0)
+        self.best = next(iter(state.get("best", [])), None)
 
     @contextmanager
     def running(self) -> Iterator[None]:

@@ -6,6 +6,7 @@ from transferkit.stats.compare import (
     paired_difference,
     performance_profile,
     probability_of_improvement,
+    sign_flip_p,
 )
 from transferkit.stats.curves import area, asymptote, data_efficiency, jumpstart, steps_to_threshold
 from transferkit.stats.intervals import (
@@ -37,6 +38,7 @@ __all__ = [
     "paired_difference",
     "performance_profile",
     "probability_of_improvement",
+    "sign_flip_p",
     "steps_to_threshold",
     "stratified_interval",
     "summary_interval",

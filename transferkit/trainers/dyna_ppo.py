@@ -86,11 +86,11 @@ class DynaPPOTrainer:
             ConfigError: the budget ends before the model is fitted once, so that nothing would be learnt.
         """
         action = self.explore(observation)
-        every, before = self.config.model.every, session.spent.steps
+        every, before = self.config.model.every, session.trained.steps
         step = envs.step(action, session.count)
         self.buffer.add_step(observation, action.clip(-1.0, 1.0), step)
         self.policy.update_normalizer(torch.from_numpy(observation).to(self.device))
-        if session.spent.steps // every > before // every:
+        if session.trained.steps // every > before // every:
             return step.observation, self.learn(session)
         if session.progress >= 1 and not self.fitted:
             raise ConfigError(
@@ -114,7 +114,7 @@ class DynaPPOTrainer:
         thaw(self.model, self.policy, progress)
         metrics = {"model": fit(self.learner, self.buffer, self.config.model, self.generator, self._update_model)}
         self.fitted = True
-        self.algorithm.set_learning_rate(progress, session.spent.episodes)
+        self.algorithm.set_learning_rate(progress, session.trained.episodes)
         return metrics | self._improve()
 
     def state(self) -> dict[str, Any]:

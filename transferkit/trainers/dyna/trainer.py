@@ -62,15 +62,15 @@ class DynaTrainer:
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
         """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""
         agent = self.agent
-        if self._taken_up or session.spent.steps % LOG_EVERY == 0:
+        if self._taken_up or session.trained.steps % LOG_EVERY == 0:
             agent.set_progress(session.progress, session.step_progress)
             self._taken_up = False
         step = envs.step(action := agent.explore(observation), session.count)
         agent.observe(observation, action, step)
-        if session.spent.steps % EVERY == 0 and agent.fitted and agent.needs_model:
+        if session.trained.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
-        if session.spent.steps % LOG_EVERY:
+        if session.trained.steps % LOG_EVERY:
             return step.observation, None
         self._check_values(session)
         return step.observation, agent.metrics()

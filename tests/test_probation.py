@@ -1,0 +1,135 @@
+"""What is trusted, what is refused, and what that costs."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+from tests.runs import assert_same_tensors, interrupt_at
+from transferkit import load_core, load_policy, run_training, scratch_policy, wrap
+from transferkit.budget import Budget
+from transferkit.config import TrainConfig, with_settings
+from transferkit.envs import make_env
+from transferkit.errors import InterruptedRunError
+from transferkit.evaluation import ZeroPolicy
+from transferkit.policy.base import ConstantPolicy
+from transferkit.probation import hold_probation
+from transferkit.run import load_state, read_beside, read_record
+
+IDP, CORE = "InvertedDoublePendulum-v5", "inverted-pendulum-v2"
+SMALL = {
+    "ppo": {"ppo.num_envs": 1, "ppo.rollout": "steps", "ppo.rollout_steps": 32, "ppo.epochs": 1, "network.hidden": [8]},
+    "dyna-ddpg": {"network.hidden": [8], "dyna.updates_per_step": 1, "dyna.batch_size": 8},
+    "dyna-ppo": {"network.hidden": [8], "model.updates": 2, "model.hidden": [8], "model.every": 40, "dyna_ppo.updates": 1},
+}
+
+
+class Line(gymnasium.Env):
+    """Ten steps; pays the action, whose sign a policy finds in the observation."""
+
+    observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (1,))
+    action_space = gymnasium.spaces.Box(-1, 1, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        self.t = 0
+        return np.ones(1, np.float32), {}
+
+    def step(self, action):
+        self.t += 1
+        return np.full(1, 1.0 + self.t, np.float32), float(action[0]), self.t == 10, False, {}
+
+
+class Signed:
+    """Acts by a sign and a little of what it sees."""
+
+    act_dim = 1
+
+    def __init__(self, sign):
+        self.sign = sign
+
+    def act(self, observation):
+        return self.sign * (0.5 + 0.01 * observation)
+
+
+def found(policy, budget):
+    held = hold_probation(policy, Line, budget, 5, 0)
+    return held and held[0]
+
+
+def test_a_core_is_trusted_if_it_is_better_than_doing_nothing():
+    better, worse = found(Signed(1), Budget(steps=1000)), found(Signed(-1), Budget(steps=1000))
+    assert (better.accepted, worse.accepted) == (True, False)
+    assert better.core == pytest.approx([10 * 0.5 + 0.01 * 55] * 5)
+    assert better.zero == (0.0,) * 5
+    assert (better.episodes, better.steps) == (10, 100)
+    assert "p 0.031" in better.reason
+    assert "\n" not in worse.reason
+
+
+def test_as_many_pairs_are_played_as_a_tenth_of_the_budget_holds():
+    assert found(Signed(1), Budget(episodes=19)) is None
+    assert [len(found(Signed(1), Budget(episodes=n)).zero) for n in (20, 45, 999)] == [1, 2, 5]
+    one_and_a_half = found(Signed(1), Budget(steps=300))
+    assert (len(one_and_a_half.core), len(one_and_a_half.zero), one_and_a_half.steps) == (2, 1, 30)
+    assert one_and_a_half.accepted  # one pair of one
+    assert one_and_a_half.episodes == 3
+
+
+def test_a_budget_whose_tenth_holds_no_pair_trusts_without_a_step():
+    pendulum = lambda: make_env("InvertedPendulum-v5")  # noqa: E731 - which stands for 1000 steps if it is held
+    assert hold_probation(ZeroPolicy(1), pendulum, Budget(steps=19_999), 5, 0) is None
+    assert hold_probation(ZeroPolicy(1), pendulum, Budget(steps=20_000), 5, 0)[0].episodes == 10
+
+
+def test_actions_that_never_change_are_refused():
+    assert found(ConstantPolicy(1, 1), Budget(steps=1000)).reason == "its actions never change"
+    assert not found(ConstantPolicy(1, 1), Budget(steps=1000)).accepted
+
+
+def config(algo, **options):
+    given = {"env": IDP, "core": CORE, "member": 2, "seed": 102, "episodes": 60, "eval_episodes": 2, "checkpoint_seconds": 0.0}
+    return with_settings(TrainConfig(**{**given, **options}, algo=algo), SMALL[algo])
+
+
+@pytest.mark.parametrize("algo", SMALL)
+def test_a_refused_core_leaves_a_run_from_scratch_to_the_bit_also_if_it_is_interrupted(tmp_path, algo, caplog):
+    refused = run_training(config(algo), out=tmp_path / "refused")
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == [f"{CORE} is refused"]
+    assert refused.probation is not None
+    assert not refused.probation.accepted
+    assert refused.probation.episodes == 6
+    scratch = run_training(config(algo, core=None, member=0, episodes=54), out=tmp_path / "scratch")
+    assert_same_tensors(*(load_state(tmp_path / name / "policy.safetensors") for name in ("refused", "scratch")))
+    assert (refused.episodes, refused.steps) == (60, scratch.steps + refused.probation.steps)
+    with pytest.raises(InterruptedRunError):
+        run_training(config(algo), out=tmp_path / "cut", report=interrupt_at(200))
+    again = run_training(config(algo), out=tmp_path / "cut", resume=True)
+    assert_same_tensors(*(load_state(tmp_path / name / "policy.safetensors") for name in ("refused", "cut")))
+    assert replace(again.probation, seconds=0.0) == replace(refused.probation, seconds=0.0)
+    assert len(caplog.records) == 2  # what was decided is not decided again
+
+
+@pytest.mark.parametrize("algo", ["ppo", "dyna-ddpg"])
+def test_a_trusted_core_is_trained_and_learns_from_what_was_seen(tmp_path, algo):
+    trusted = run_training(config(algo, member=0, seed=100, episodes=60), out=tmp_path / "run")
+    assert trusted.probation.accepted
+    assert read_beside(read_record(tmp_path / "run")).probation == trusted.probation
+    policy = load_policy(tmp_path / "run")
+    assert policy.has_core
+    assert trusted.episodes == 60
+    if algo == "dyna-ddpg":
+        assert int(policy.normalizer.count) == trusted.steps  # every step, also those of probation
+
+
+def test_a_core_that_is_to_be_trusted_is_not_asked(tmp_path):
+    trusting = with_settings(config("ppo"), {"wrap.probation": 0})
+    result = run_training(trusting, out=tmp_path / "run")
+    assert result.probation is None
+    assert load_policy(tmp_path / "run").has_core
+
+
+def test_presets_of_before_do_not_ask():
+    assert TrainConfig(IDP, preset="default-v3", core=CORE).wrap.probation == 0
+    assert wrap(load_core(CORE), IDP).config.probation == 5
+    assert not scratch_policy(IDP).has_core
