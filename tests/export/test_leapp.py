@@ -9,7 +9,7 @@ import pytest
 import torch
 import yaml
 
-from tests.cli.commands import run
+from tests.cli.commands import run, run_json
 from transferkit import load_subject
 from transferkit.descriptors import compare, read_descriptor
 from transferkit.envs import derive_spec, make_env
@@ -110,7 +110,8 @@ def test_what_is_measured_makes_the_observation(env):
 
 def test_the_file_is_read_back_and_agrees_with_the_physics(tmp_path, capsys):
     path = tmp_path / "hopper.yaml"
-    assert run(capsys, "export", "inverted-pendulum-v1", "--out", str(tmp_path / "pole.onnx"), "--leapp", str(path))[0] == 0
+    said = run_json(capsys, "export", "inverted-pendulum-v1", "--out", str(tmp_path / "pole.onnx"), "--leapp", str(path))
+    assert (said["leapp"], said["leapp_network"]) == (str(path), str(tmp_path / "hopper.onnx"))
     descriptor = read_descriptor(path)
     assert descriptor.period == pytest.approx(0.04)
     rows = {(row.part, row.index): (row.verdict, row.detail) for row in compare(descriptor, derive_spec("InvertedPendulum-v5"))}
@@ -128,6 +129,17 @@ def test_what_cannot_be_written_is_refused_before_anything_is(tmp_path, capsys):
     code, _, said = run(capsys, "export", "inverted-pendulum-v1", *files)
     assert (code, "needs the file" in said) == (2, True)
     assert not (tmp_path / "b.yaml").exists()
+
+
+def test_a_servo_is_not_written_as_a_motor(tmp_path):
+    tree = ET.parse(ASSETS / "inverted_pendulum.xml")
+    (motor,) = tree.find("actuator")
+    motor.tag, motor.attrib = "position", {"joint": "slider", "kp": "50", "name": "cart", "ctrlrange": "-1 1"}
+    tree.write(tmp_path / "servo.xml")
+    subject = lively(f"InvertedPendulum-v5?xml_file={tmp_path / 'servo.xml'}")
+    with pytest.raises(ConfigError, match="actuator cart has gains"):
+        export_leapp(subject, tmp_path / "a.yaml")
+    assert not list(tmp_path.glob("a.*"))
 
 
 def test_leapp_itself_takes_the_file(tmp_path, monkeypatch):

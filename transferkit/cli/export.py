@@ -57,8 +57,10 @@ def _onnx(options: argparse.Namespace) -> Answer:
     name, out = options.names[0], options.out
     env = environment(options, lambda: home_of(name))
     subject = load_subject(name, env=env, member=options.member, best=options.best, values=False)
-    beside = "" if options.leapp is None else f"\n{options.leapp} with {export_leapp(subject, options.leapp)}"
+    network = None if options.leapp is None else export_leapp(subject, options.leapp)
+    beside = "" if network is None else f"\n{options.leapp} with {network}"
     difference = export_onnx(subject, out)
     how = f"\n{name} is wrapped onto {env} and not trained there" if subject.wrapped else ""
     text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations{beside}{how}"
-    return Answer({"file": str(out), "difference": difference, "observations": PARITY_ROWS}, text)
+    files = {"file": str(out)} | ({} if network is None else {"leapp": str(options.leapp), "leapp_network": str(network)})
+    return Answer({**files, "difference": difference, "observations": PARITY_ROWS}, text)

@@ -9,17 +9,19 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from transferkit.envs import derive_spec
+from transferkit.config.checks import check_kind
+from transferkit.envs import derive_spec, open_simulation, opened
 from transferkit.errors import ConfigError
 from transferkit.export.deployed import Deployed
 from transferkit.export.onnx_file import exported_policy, onnx_program
 from transferkit.export.ports import ports_of
 from transferkit.files import check_new, new_file
+from transferkit.record.play import Subject
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from transferkit.record.play import Subject
+    from transferkit.envs import EnvLike
     from transferkit.spec import IOSpec
 
 VERSION = "1.3"
@@ -40,8 +42,9 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     Actions are torques of joints (forces of slides). What is remembered of earlier steps is fed back, and zero at first.
 
     Raises:
-        ConfigError: a file exists or cannot be written, an action drives no joint, or ONNX is not installed.
+        ConfigError: a file exists or cannot be written, an action drives no joint or is no motor's, or ONNX is not installed.
     """
+    check_kind("subject", subject, Subject, "load it with load_subject")
     path = Path(path)
     network = path.with_suffix(".onnx")
     check_new(path, "leapp", ".yaml")
@@ -49,6 +52,10 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     spec = derive_spec(subject.env)
     if without := [actuator.name for actuator in spec.action if actuator.joint is None]:
         raise ConfigError(f"action {without[0]} drives no joint, which LEAPP has no kind for", remedy="leave out {leapp}")
+    if (servo := _servo(subject.env)) is not None:
+        raise ConfigError(
+            f"actuator {servo} has gains or a state of its own, and a torque is not what it takes", remedy="leave out {leapp}"
+        )
     deployed = Deployed(exported_policy(subject, spec), ports_of(spec), spec).eval()
     examples = tuple(torch.zeros(1, size) for size in deployed.inputs.values())
     program = onnx_program(deployed, examples, list(deployed.inputs), list(deployed.outputs))
@@ -58,6 +65,17 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     with new_file(path, "leapp") as temporary:
         temporary.write_text(_text(_described(deployed, spec, network.name, data, subject.policy.hold)))
     return network
+
+
+def _servo(env: EnvLike) -> str | None:
+    """Name the first actuator that is no motor: its force depends on more than its control."""
+    with opened(env) as made:
+        simulation = open_simulation(made)
+        model = None if simulation is None else simulation.model
+    for k in range(0 if model is None else model.nu):
+        if model.actuator_biasprm[k].any() or model.actuator_dyntype[k]:
+            return model.actuator(k).name or f"number {k}"
+    return None
 
 
 def _described(deployed: Deployed, spec: IOSpec, file: str, data: bytes, hold: int) -> dict[str, Any]:
