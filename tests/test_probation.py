@@ -76,6 +76,12 @@ def test_as_many_pairs_are_played_as_a_tenth_of_the_budget_holds():
     assert one_and_a_half.episodes == 3
 
 
+def test_a_core_that_no_pair_has_judged_is_trusted_and_that_is_said():
+    unjudged = found(Signed(-1), Budget(steps=150))  # zero action was cut
+    assert (unjudged.accepted, unjudged.episodes, unjudged.steps) == (True, 1, 15)
+    assert "no pair of episodes ended" in unjudged.reason
+
+
 def test_a_budget_whose_tenth_holds_no_pair_trusts_without_a_step():
     pendulum = lambda: make_env("InvertedPendulum-v5")  # noqa: E731 - which stands for 1000 steps if it is held
     assert hold_probation(ZeroPolicy(1), pendulum, Budget(steps=19_999), 5, 0) is None

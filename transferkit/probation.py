@@ -82,10 +82,11 @@ def _judge(own: Sequence[Episode], core: Sequence[float], zero: Sequence[float])
     if np.ptp(actions, axis=0).max() < STILL:
         return False, "its actions never change"
     count = len(zero)
-    differences = np.subtract(core[:count], zero)
-    p = stats.sign_flip_p(differences)
-    better = p < ALPHA or (p == 0.5**count and bool((differences > 0).all()))
-    means = f"mean return {np.mean(core):.4g} against {np.mean(zero):.4g} over {count} pairs of episodes, p {p:.2g}"
+    if not count:
+        return True, "not known to be better than doing nothing: no pair of episodes ended within a tenth of the budget"
+    p = stats.sign_flip_p(np.subtract(core[:count], zero))
+    better = p < ALPHA or p == 0.5**count  # the least that so many pairs can have
+    means = f"mean return {np.mean(core[:count]):.4g} against {np.mean(zero):.4g} over {count} pairs of episodes, p {p:.2g}"
     return better, f"{'better' if better else 'not clearly better'} than doing nothing: {means}"
 
 
