@@ -46,6 +46,7 @@ eval_episodes = 1
 [[trainer]]
 name = "small"
 [trainer.set]
+"wrap.probation" = 0
 {chr(10).join(f'"{name}" = {json.dumps(value)}' for name, value in PPO.items())}
 """
 
