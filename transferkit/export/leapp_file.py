@@ -71,8 +71,10 @@ def _servo(env: EnvLike) -> str | None:
     """Name the first actuator that is no motor: its force depends on more than its control."""
     with opened(env) as made:
         simulation = open_simulation(made)
-        model = None if simulation is None else simulation.model
-    for k in range(0 if model is None else model.nu):
+        if simulation is None:
+            return None
+        model = simulation.model
+    for k in range(model.nu):
         if model.actuator_biasprm[k].any() or model.actuator_dyntype[k]:
             return model.actuator(k).name or f"number {k}"
     return None
