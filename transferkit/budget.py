@@ -31,7 +31,7 @@ class Budget:
             raise ConfigError("no budget given", remedy="give {episodes}, {steps} or {seconds}")
 
     def without(self, spent: Spent) -> Budget:
-        """Take off what is spent, and leave at least the least."""
+        """Take off what is spent; of each kind the smallest budget is left at least."""
         left = {kind: max(limit - getattr(spent, kind), LEAST[kind]) for kind, limit in self.limits().items()}
         return Budget(**left)  # pyright: ignore[reportArgumentType] - whole where they are
 
@@ -45,7 +45,7 @@ KINDS = tuple(field.name for field in fields(Budget))
 
 
 LEAST = {"episodes": 1, "steps": 1, "seconds": 1e-9}
-"""Of each, what is above nothing."""
+"""The smallest budget of each kind."""
 
 
 def given_limits(data: Mapping[str, Any]) -> dict[str, float]:

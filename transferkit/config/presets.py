@@ -147,8 +147,8 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v3": Preset(ppo=IMAGINED_PPO, wrap=ON_PROBATION),
     },
 }
-"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` of PPO and `default-v1` of the others until 2026-11-28;
-`paper-v1` follows the paper's code (docs: departures)."""
+"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` and `default-v3` of PPO, `default-v1` and `default-v2`
+of the others until 2026-11-28; `paper-v1` follows the paper's code (docs: departures)."""
 
 
 def preset_family(version: str) -> str:
