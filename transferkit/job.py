@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
+import numpy as np
 import torch
 
 from transferkit.budget import KINDS, Budget, Spent
@@ -72,6 +73,8 @@ class Job:
     """What was found of the core."""
     seen: Transitions | None = None
     """What was seen of the target meanwhile, for a run that is yet to start."""
+    untrained: Policy | None = None
+    """The core as it was wrapped, to fall back on."""
 
     def make_env(self) -> gymnasium.Env:
         """Make one environment under the contract."""
@@ -104,7 +107,8 @@ class Job:
 
     def _judged(self, found: Probation, seen: Transitions | None) -> Job:
         if found.accepted:
-            return replace(self, probation=found, seen=seen)
+            untrained = as_saved(self.policy) if self.config.wrap.fall_back and found.core else None
+            return replace(self, probation=found, seen=seen, untrained=untrained)
         scratch = scratch_policy(self.env, self.config.network, seed=self.config.seed)
         return replace(self, probation=found, policy=scratch)
 
@@ -178,24 +182,29 @@ class Job:
         probation = self.probation
         charged = probation and Spent(probation.episodes, probation.steps, probation.seconds)
 
-        def keep_best() -> None:
-            directory.save_policy(self.trained(trainer), best=True)
+        def keep_best(session: Session) -> None:
+            directory.save_policy(self.trained(trainer, session), best=True)
 
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
-        return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, charged=charged)
+        accounts = {"charged": charged, "to_beat": float(np.mean(probation.core)) if probation and self.untrained else None}
+        return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
+
+    def better(self, session: Session) -> Policy:
+        """The policy to evaluate and to save: what was learnt, or the untrained core as long as that is behind it."""
+        return self.untrained if self.untrained is not None and session.is_behind else self.policy
 
     def evaluate(self, session: Session) -> Evaluation:
         """Evaluate the policy as it would be loaded, and record an episode if one is due."""
-        policy, config = as_saved(self.policy), self.config
+        policy, config = as_saved(self.better(session)), self.config
         if self.record_every and session.evaluations % self.record_every == 0:
             steps = session.spent.steps
             about = {"run": str(self.out), "core": config.core, "training_seed": config.seed, "steps": steps}
             record_evaluation(Subject(policy, self.env, **asdict(config.env_config), about=about), self.out, steps)
         return evaluate(policy, self.make_env, episodes=config.eval_episodes)
 
-    def trained(self, trainer: Trainer) -> dict[str, Any]:
-        """Collect the trained policy, and what was trained beside it, to be saved."""
-        return state_of(self.policy, trainer.trained())
+    def trained(self, trainer: Trainer, session: Session) -> dict[str, Any]:
+        """Collect the better policy, and what was trained beside it, to be saved."""
+        return state_of(self.better(session), trainer.trained())
 
     def result(self, session: Session, scores: Scores, ledger: Ledger) -> Result:
         """Sum up the finished run."""
@@ -217,9 +226,24 @@ class Job:
             prior_steps=sum(entry["steps"] for entry in ledger),
             best=session.best,
             evaluation_steps=session.evaluation_steps,
+            fell_back=self.better(session) is self.untrained,
             probation=self.probation,
             earlier=session.directory.earlier,
         )
+
+    def warn(self, session: Session) -> None:
+        """Say if training has come to less than doing nothing, or to less than the core could at once."""
+        found, latest = self.probation, session.latest_return
+        if found is None or latest is None:
+            return
+        if found.zero and latest < np.mean(found.zero):
+            worse, remedy = f"doing nothing ({np.mean(found.zero):.4g})", "a larger budget or another preset"
+        elif self.better(session) is self.untrained:
+            worse = f"the untrained core ({np.mean(found.core):.4g}), which the run keeps as its policy"
+            remedy = "a larger budget"
+        else:
+            return
+        LOGGER.warning("the last training episodes (mean return %.4g) are worse than %s: try %s", latest, worse, remedy)
 
     def _budget(self) -> Budget:
         return Budget(self.config.episodes, self.config.steps, self.config.seconds)

@@ -149,5 +149,6 @@ def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
         trainer = job.trainer(prior, compiled=compiled)
         session = job.session(directory, trainer, report)
         scores = train_and_evaluate(trainer, job.envs(trainer), session, checkpoint)
-        directory.save_policy(job.trained(trainer))
+        directory.save_policy(job.trained(trainer, session))
+        job.warn(session)
         return directory.finish(job.result(session, scores, ledger))

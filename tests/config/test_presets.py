@@ -10,18 +10,18 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "bde90bfadf04e2aa",
-    "ppo default-v2": "42b0ecc91f328aac",
-    "ppo default-v3": "8404b90b640290e4",
-    "ppo default-v4": "524f756537e15163",
-    "ppo paper-v1": "bb56429fae81e2d5",
-    "dyna-ddpg default-v1": "ef9eb32ee87bac1a",
-    "dyna-ddpg default-v2": "e32b3c28f5cdf9a5",
-    "dyna-ddpg default-v3": "06887333e96ddc21",
-    "dyna-ddpg paper-v1": "5f4515eeb5d05952",
-    "dyna-ppo default-v1": "bde90bfadf04e2aa",
-    "dyna-ppo default-v2": "d760c2cad2fe2798",
-    "dyna-ppo default-v3": "645db8fabe9c483d",
+    "ppo default-v1": "6fd9883f186612ce",
+    "ppo default-v2": "f22e32a7c0198f24",
+    "ppo default-v3": "9c2bfc4208c5fd08",
+    "ppo default-v4": "69da3fe3a6a40f03",
+    "ppo paper-v1": "0d0354db47169fec",
+    "dyna-ddpg default-v1": "ca4d4727e513bf47",
+    "dyna-ddpg default-v2": "1a113462b849479c",
+    "dyna-ddpg default-v3": "956995274f668380",
+    "dyna-ddpg paper-v1": "4d98c27b51e35be5",
+    "dyna-ppo default-v1": "6fd9883f186612ce",
+    "dyna-ppo default-v2": "c34e5f59c18bc61a",
+    "dyna-ppo default-v3": "d785e094cee85366",
 }
 
 

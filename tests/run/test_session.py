@@ -85,7 +85,7 @@ def test_the_best_evaluation_is_kept_also_over_a_checkpoint(tmp_path):
     def make(name, scores):
         evaluate = lambda _: Evaluation((next(scores),), (25,))  # noqa: E731
         directory = RunDirectory.create(tmp_path / name, {})
-        keep = lambda: kept.append(made.spent.steps)  # noqa: E731
+        keep = lambda _: kept.append(made.spent.steps)  # noqa: E731
         made = Session(directory, Budget(steps=99), 1, evaluate=evaluate, keep_best=keep, schedule=Schedule(2))
         return made
 
@@ -105,6 +105,30 @@ def test_the_best_evaluation_is_kept_also_over_a_checkpoint(tmp_path):
     assert kept == [2, 4, 12]
     assert made.best == Best(12, 3.5)
     assert made.evaluation_steps == 8 * 25
+
+
+def test_the_learner_is_behind_until_its_latest_episodes_reach_the_return_to_beat(tmp_path):
+    def ended(made, returns):
+        behind = []
+        with made.running():
+            for reward in returns:
+                made.count(0, reward, terminated=True, truncated=False)
+                behind.append(made.is_behind)
+            made.checkpoint({})
+        return behind
+
+    make = lambda name, to_beat: Session(  # noqa: E731
+        RunDirectory.create(tmp_path / name, {}), Budget(steps=99), 1, evaluate=lambda _: None, to_beat=to_beat
+    )
+    made = make("one", 3.0)
+    assert made.is_behind
+    assert ended(made, [9.0, 9.0, 9.0, 9.0, 0.0, -21.0]) == [True] * 4 + [False, True]  # means 7.2 and 1.2
+    again = make("two", 3.0)
+    again.restore(load_state(made.directory.path / "checkpoint.safetensors")["session"])
+    assert again.is_behind
+    assert again.latest_return == pytest.approx(1.2)
+    assert ended(again, [18.0]) == [False]  # 9, 9, 0, -21, 18: exactly 3
+    assert not make("three", None).is_behind
 
 
 def test_what_was_charged_before_training_is_spent_and_the_trainer_sees_what_is_left(tmp_path):

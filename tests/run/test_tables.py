@@ -37,6 +37,19 @@ def test_a_torn_last_row_is_left_out_and_any_other_damage_is_one_line(tmp_path):
             read_table(tmp_path / "run", EpisodeRow)
 
 
+def test_a_table_of_before_lacks_its_last_columns(tmp_path):
+    with RunDirectory.create(tmp_path / "run", {}) as run:
+        run.append(EvaluationRow(1, 30, 1.0, 2.5, 0.5, 2.0, 3.0, 20, core=1))
+    assert read_table(tmp_path / "run", EvaluationRow)["core"].tolist() == [1]
+    path = EvaluationRow.file(tmp_path / "run")
+    path.write_text("".join(line.rpartition(",")[0] + "\n" for line in path.read_text().splitlines()))
+    before = read_table(tmp_path / "run", EvaluationRow)
+    assert (before["n"].tolist(), before["core"].tolist()) == ([20], [0])
+    path.write_text("".join(line.rpartition(",")[0] + "\n" for line in path.read_text().splitlines()))
+    with pytest.raises(RunDirectoryError, match=r"evaluations\.csv is damaged"):
+        read_table(tmp_path / "run", EvaluationRow)
+
+
 def test_the_table_of_a_finished_run_has_a_checksum(tmp_path):
     with RunDirectory.create(tmp_path / "run", {}) as run:
         run.append(EpisodeRow(1, 0, 2.5, 30, 1, 30, 1.0))

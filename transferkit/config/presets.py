@@ -58,8 +58,8 @@ IMAGINED_PPO = PPOConfig(rollout="steps", schedule="linear", critic_learning_rat
 MECHANISM = WrapConfig(limbs="all", forces="auto", hold=0)
 """A sandwich that is matched by what the two robots are."""
 
-ON_PROBATION = replace(MECHANISM, probation=5)
-"""And that is trained only if it is better than doing nothing."""
+ON_PROBATION = replace(MECHANISM, probation=5, fall_back=True)
+"""And that is trained only if it is better than doing nothing, and stands in for what is learnt until that is as good."""
 
 PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     "ppo": {

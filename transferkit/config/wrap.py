@@ -53,6 +53,9 @@ class WrapConfig:
     probation: Annotated[int, Range(0, 1000)] = 0
     """Pairs of episodes in which the core plays against zero action before it is trained; one that is no better is refused, and
     the run is one from scratch. 0 trusts it, and so does a budget that is too small to ask."""
+    fall_back: bool = False
+    """Evaluate and save the core as it was wrapped, while the run's latest training episodes are worse than the core's own
+    on probation."""
     critic: bool = False
     """Wrap the core's critics too, if it has as many as the trainer wants and drives one limb; by default they are new, because
     with wrapped ones a larger robot was learnt more slowly (study `residual`)."""

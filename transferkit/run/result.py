@@ -134,6 +134,8 @@ class Result:
     """Environment steps of all evaluations; in no other count, but whoever takes the best policy has used them."""
     probation: Probation | None = None
     """What was found of the core before training; its episodes, steps and seconds are in the counts."""
+    fell_back: bool = False
+    """Whether the final policy is the core as it was wrapped, because what was learnt is still behind it."""
     earlier: tuple[Earlier, ...] = ()
     """What it had spent and scored each time before it was given more budget; all other fields are of the whole run."""
 

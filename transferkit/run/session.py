@@ -29,8 +29,11 @@ RECENT = 50
 Scores = Mapping[str, float]
 """Mean, deviation and interval of an evaluation's returns, and its number of episodes, by column."""
 
-SCORES = EvaluationRow.columns()[3:]
+SCORES = EvaluationRow.columns()[3:8]
 """Their names."""
+
+LATEST = 5
+"""Training episodes whose mean return says how good the learner is."""
 
 State = TypedDict(
     "State",
@@ -87,14 +90,19 @@ class Session:
         num_envs: int,
         *,
         evaluate: Callable[[Session], Evaluated],
-        keep_best: Callable[[], None] = lambda: None,
+        keep_best: Callable[[Session], None] = lambda _: None,
         schedule: Schedule | None = None,
         report: Report | None = None,
         charged: Spent | None = None,
+        to_beat: float | None = None,
     ) -> None:
-        """Start with what was `charged` before training; it counts as spent, and the trainer knows nothing of it."""
+        """Start with what was `charged` before training; it counts as spent, and the trainer knows nothing of it.
+
+        `to_beat` is the mean return below which the learner is behind.
+        """
         self.directory, self.budget, self.spent = directory, budget, Spent() if charged is None else charged
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
+        self._to_beat = to_beat
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -110,6 +118,18 @@ class Session:
     def trained(self) -> Spent:
         """What is spent on training."""
         return self.spent.since(self._charged)
+
+    @property
+    def latest_return(self) -> float | None:
+        """Mean return of the latest training episodes, noise and all; None before there are enough."""
+        latest = [*self._recent][-LATEST:]
+        return float(np.mean(latest)) if len(latest) == LATEST else None
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether there is a return to beat that the latest training episodes do not reach."""
+        latest = self.latest_return
+        return self._to_beat is not None and (latest is None or latest < self._to_beat)
 
     @property
     def progress(self) -> float:
@@ -163,11 +183,12 @@ class Session:
         with self._paused():
             evaluated = self._evaluate(self)
             scores = evaluated.scores()
-            self.directory.append(EvaluationRow(spent.episodes, spent.steps, round(spent.seconds, 3), **scores))
+            behind = int(self.is_behind)
+            self.directory.append(EvaluationRow(spent.episodes, spent.steps, round(spent.seconds, 3), **scores, core=behind))
             self._add_scalars({f"evaluation/{name}": value for name, value in scores.items()})
             if self.schedule.eval_every and (self.best is None or scores["return_mean"] > self.best.return_mean):
                 self.best = Best(spent.steps, scores["return_mean"])
-                self._keep_best()
+                self._keep_best(self)
         self._evaluated, self._scores = spent.steps, scores
         self.evaluations += 1
         self.evaluation_steps += evaluated.steps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import ClassVar
 
@@ -32,6 +32,11 @@ class Row:
     def columns(cls) -> tuple[str, ...]:
         """The header; `return_` stands for `return`, which Python does not allow."""
         return tuple(field.name.rstrip("_") for field in fields(cls))
+
+    @classmethod
+    def later(cls) -> dict[str, float]:
+        """The columns that earlier versions did not write, which come last, and what they would have held."""
+        return {field.name: field.default for field in fields(cls) if field.default is not MISSING}
 
     @classmethod
     def file(cls, run: Path) -> Path:
@@ -71,6 +76,8 @@ class EvaluationRow(Row):
     return_low: float
     return_high: float
     n: float
+    core: int = 0
+    """1 if the wrapped core was evaluated as it was before training, in place of what was learnt."""
 
 
 @dataclass(frozen=True)
@@ -109,9 +116,10 @@ def read_table(run: Path, kind: type[Row]) -> dict[str, NDArray[np.float64]]:
             values = np.array(rows, float).reshape(-1, len(header))
         except (ValueError, csv.Error):
             raise FormatError("it is not a table of numbers") from None
-        if tuple(header) != kind.columns() or not (np.isfinite(values) | (kind.gaps & np.isnan(values))).all():
+        later = kind.later() if len(header) < len(kind.columns()) else {}
+        if (*header, *later) != kind.columns() or not (np.isfinite(values) | (kind.gaps & np.isnan(values))).all():
             raise FormatError(f"it is not a table of {', '.join(kind.columns())}, all finite")
-    return dict(zip(header, values.T, strict=True))
+    return dict(zip(header, values.T, strict=True)) | {name: np.full(len(values), value) for name, value in later.items()}
 
 
 def _check_digest(run: Path, path: Path, data: bytes) -> None:
