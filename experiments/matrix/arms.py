@@ -52,11 +52,12 @@ def scratch_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Polic
 
 def random_core(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
     """A core of the same architecture, freshly initialised; it explores as training from scratch does."""
-    return transfer(config, core.randomized(config.seed, init_std=config.wrap.init_std))
+    return transfer(trusting(config), core.randomized(config.seed, init_std=config.wrap.init_std))
 
 
 def random_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
     """A random core whose first actions are as large, and as noisy, as the transfer's."""
+    config = trusting(config)
     reference, policy = new_policy(config, core), new_policy(config, core.randomized(config.seed))
     observation = torch.from_numpy(play(config.env, PROBE_STEPS, config.seed))
     with torch.no_grad():
@@ -70,7 +71,7 @@ def random_matched(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy
 
 def shuffled_core(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
     """The core's weights, permuted within each tensor."""
-    return transfer(config, core.shuffled(config.seed))
+    return transfer(trusting(config), core.shuffled(config.seed))
 
 
 def frozen(config: TrainConfig, core: Core) -> tuple[TrainConfig, Policy]:
@@ -114,6 +115,11 @@ WITHOUT_MEMBER = (*WITHOUT_CORE, "scratch-matched")
 ZERO_ACTION, RANDOM_ACTION = "zero-action", "random-action"
 UNTRAINED = (ZERO_ACTION, RANDOM_ACTION)
 """Evaluated and never trained; the same for every trainer too."""
+
+
+def trusting(config: TrainConfig) -> TrainConfig:
+    """The configuration without probation, which would make most controls runs from scratch."""
+    return replace(config, wrap=replace(config.wrap, probation=0))
 
 
 def with_frozen(config: TrainConfig, *parts: str) -> TrainConfig:

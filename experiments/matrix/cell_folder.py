@@ -11,15 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.matrix.cell import Cell
 from experiments.matrix.run_table import columns
 from experiments.matrix.table import NAN, VERSIONS
+from transferkit import stats
 from transferkit.config import TrainConfig
 from transferkit.errors import RunDirectoryError, TransferkitError
 from transferkit.files import read_json, write_atomically
 from transferkit.reading import Count
-from transferkit.run import CHECKPOINT, POLICY, RECORD, RESULT, EpisodeRow, EvaluationRow, Record, load_state
+from transferkit.run import CHECKPOINT, POLICY, RECORD, RESULT, EpisodeRow, EvaluationRow, Probation, Record, load_state
 
 if TYPE_CHECKING:
     from experiments.matrix.table import Row
@@ -75,6 +77,7 @@ class Scores:
     eval_return_mean: float
     eval_return_std: float
     eval_episodes: Count
+    probation: Probation | None = None
 
 
 class DamagedError(TransferkitError):
@@ -159,7 +162,11 @@ def _finished(cell: Cell, row: Row, where: Path) -> Row:
     run = where / "run"
     with _naming(RESULT):
         result = read_json(run / RESULT, Scores)
-        found: dict[str, Any] = {name: value for name, value in vars(result).items() if name != "eval_episodes"}
+        found: dict[str, Any] = {
+            name: value for name, value in vars(result).items() if name not in ("eval_episodes", "probation")
+        }
+        if result.probation is not None:
+            found["refused"] = int(not result.probation.accepted)
     with _naming(SPEED):
         speed = read_json(where / SPEED, Speed).forward_speed
         found["forward_speed"] = NAN if speed is None else speed
@@ -175,16 +182,34 @@ def _finished(cell: Cell, row: Row, where: Path) -> Row:
 def _training(run: Path, result: Scores) -> dict[str, float]:
     """Measures of the training episodes, and a check that the tables end as the result says."""
     with _naming("evaluations.csv"):
-        last = {name: values[-1] for name, values in columns(run, EvaluationRow).items()}
+        evaluations = columns(run, EvaluationRow)
+        last = {name: values[-1] for name, values in evaluations.items()}
         if any(last[column] != getattr(result, name) for name, column in SCORES.items()):
             raise ValueError(f"it does not end with the evaluation that {RESULT} states")
     with _naming("episodes.csv"):
         returns = columns(run, EpisodeRow)["return"]
-        if len(returns) != result.episodes:
-            raise ValueError(f"it does not have the {result.episodes} episodes that {RESULT} counts")
-    if not len(returns):
+        trained = result.episodes - (result.probation.episodes if result.probation else 0)
+        if len(returns) != trained:
+            raise ValueError(f"it does not have the {trained} training episodes that {RESULT} counts")
+    found = _over_the_run(evaluations, result.probation)
+    if len(returns):
+        found |= {"last_50_mean": float(np.mean(returns[-LAST:])), "all_mean": float(np.mean(returns))}
+    return {name: round(value, 3) for name, value in found.items()}
+
+
+def _over_the_run(evaluations: Mapping[str, NDArray[np.float64]], probation: Probation | None) -> dict[str, float]:
+    """What the evaluations of a run come to, if there is more than the last one.
+
+    On probation, which comes before them all, a run has no policy yet: its return is that of zero action.
+    """
+    if len(evaluations["steps"]) < 2:
         return {}
-    return {"last_50_mean": round(float(np.mean(returns[-LAST:])), 3), "all_mean": round(float(np.mean(returns)), 3)}
+    steps, returns = evaluations["steps"], evaluations["return_mean"]
+    found = {"first_return_mean": returns[0], "core_share": float(np.mean(evaluations["core"]))}
+    if probation is not None and probation.zero:
+        steps = np.concatenate(([0.0, steps[0]], steps))
+        returns = np.concatenate(([np.mean(probation.zero)] * 2, returns))
+    return found | {"area": stats.area(steps, returns)}
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import io
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,14 @@ class Row:
     error_kind: str = ""
     """Class of the error that ended the run; empty for a run that finished."""
     error: str = ""
+    area: float = NAN
+    """Mean return of its policy over all of its steps, by the evaluations during training; that of zero action on probation."""
+    first_return_mean: float = NAN
+    """The evaluation before any training, if there were others."""
+    core_share: float = NAN
+    """Share of its evaluations that the wrapped core played as it was before training."""
+    refused: int | None = None
+    """1 if probation refused its core, 0 if not."""
 
     @property
     def budget(self) -> tuple[float | None, ...]:
@@ -76,8 +84,10 @@ class Row:
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
+EARLIER = COLUMNS[: COLUMNS.index("area")]
+"""Columns of the tables of earlier versions."""
 VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
-CURVE_COLUMNS = ("id", "steps", "episodes", "seconds", "return_mean")
+CURVE_COLUMNS = ("id", "steps", "episodes", "seconds", "return_mean", "core")
 """Columns of a table of evaluations during training; `id` is that of the row."""
 
 
@@ -89,9 +99,11 @@ def read_rows(path: Path) -> list[Row]:
     """
     try:
         reader = csv.reader(io.StringIO(read_bytes(path, LARGEST).decode(), newline=""))
-        if tuple(next(reader, ())) != COLUMNS:
+        columns = tuple(next(reader, ()))
+        if columns not in (COLUMNS, EARLIER):
             raise RunDirectoryError(f"{path} does not have the columns of this version's tables; remove it")
-        return [_parse(cells, path, reader.line_num) for cells in reader]
+        known = fields(Row)[: len(columns)]
+        return [_parse(known, cells, path, reader.line_num) for cells in reader]
     except (OSError, ValueError, csv.Error) as error:
         raise RunDirectoryError(f"{path} is not a table of runs ({error}); remove it") from None
 
@@ -121,9 +133,9 @@ def ambiguity(rows: Iterable[Row]) -> str:
     return "".join(f"runs of {trainer} on {target} with {count} {what}" for trainer, target, what, count in twice[:1])
 
 
-def _parse(cells: Sequence[str], path: Path, line: int) -> Row:
+def _parse(columns: Sequence[Field[Any]], cells: Sequence[str], path: Path, line: int) -> Row:
     try:
-        row = Row(**{field.name: PARSERS[str(field.type)](text) for field, text in zip(fields(Row), cells, strict=True)})
+        row = Row(**{column.name: PARSERS[str(column.type)](text) for column, text in zip(columns, cells, strict=True)})
         if not (row.id and row.target and row.arm and isinstance(parse(row.overrides, object), dict)):
             raise ValueError(row)
         if row.finished and math.isnan(row.eval_return_mean):

@@ -13,8 +13,9 @@ import numpy as np
 
 from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER, ZERO_ACTION
 from experiments.report.curves import Arm
+from experiments.report.ladder import OTHER, rung_of
 from experiments.report.references import best
-from experiments.report.verdict import SCRATCH, TRANSFER, judge
+from experiments.report.verdict import SCRATCH, TRANSFER, difference, judge
 from transferkit import stats
 from transferkit.errors import UnknownNameError
 from transferkit.zoo.card import read_card
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from experiments.matrix.table import Row
     from experiments.report.curves import Array
     from experiments.report.verdict import Verdict
+    from transferkit.stats import Difference
     from transferkit.zoo.card import Card
 
 
@@ -44,12 +46,21 @@ class Group:
 
     @functools.cached_property
     def scores(self) -> dict[str, Array]:
-        """Final evaluations `(members, seeds)` of every trained arm over the seeds of all, NaN if a run is missing.
+        """Final evaluations of every trained arm; see `measured`."""
+        return self.measured("eval_return_mean")
+
+    @functools.cached_property
+    def areas(self) -> dict[str, Array]:
+        """Areas under the curves of evaluations of every trained arm; see `measured`."""
+        return self.measured("area")
+
+    def measured(self, measure: str) -> dict[str, Array]:
+        """A measure of every trained arm, `(members, seeds)` over the seeds of all, NaN if a run is missing.
 
         A run that diverged counts as the worst run of the comparison: else an arm gains by it.
         """
         trained = {name: arm for name, arm in self.arms.items() if name not in UNTRAINED}
-        scores = {name: self.grid(name, "eval_return_mean") for name in trained}
+        scores = {name: self.grid(name, measure) for name in trained}
         worst = min(np.nanmin(values, initial=np.inf) for values in scores.values())
         worst = worst if np.isfinite(worst) else np.nan  # no run has finished
         for name, arm in trained.items():
@@ -67,7 +78,7 @@ class Group:
     @functools.cached_property
     def verdict(self) -> Verdict:
         """What the comparison shows."""
-        found = judge(self.scores)
+        found = judge(self.scores, self.areas, span=self.span, refused=self.refused)
         reason = found.reason
         if self.own_task:
             reason += " It was trained on this very task: this shows what training keeps, not transfer."
@@ -97,13 +108,36 @@ class Group:
         """Whether there are two references to normalise by."""
         return self.low is not None and self.high is not None
 
+    @functools.cached_property
+    def gains(self) -> dict[str, Difference | None]:
+        """Transfer minus scratch in area, at the start and at the end."""
+        return {
+            "area": self.verdict.gained,
+            "jumpstart": difference(self.measured("first_return_mean"), SCRATCH),
+            "end": self.verdict.scratch,
+        }
+
+    @functools.cached_property
+    def rung(self) -> str:
+        """Its place on the ladder."""
+        card = card_of(self.core) if self.core else None
+        return OTHER if card is None else rung_of(card.source.env_id, self.target)
+
     @property
-    def normalized_difference(self) -> float | None:
-        """Transfer minus scratch, as a share of what lies between the references."""
-        difference = self.verdict.scratch
-        if difference is None or self.low is None or self.high is None:
-            return None
-        return difference.mean / (self.high - self.low)
+    def span(self) -> float | None:
+        """What lies between the references."""
+        return None if self.low is None or self.high is None else self.high - self.low
+
+    @property
+    def refused(self) -> float:
+        """Share of the transfer's runs whose core was refused on probation."""
+        asked = [row.refused for row in self.arms[TRANSFER].rows if row.refused is not None] if TRANSFER in self.arms else []
+        return sum(asked) / len(asked) if asked else 0.0
+
+    def share(self, gain: str) -> float | None:
+        """One of the gains as a share of what lies between the references."""
+        found = self.gains[gain]
+        return None if found is None or self.span is None else found.mean / self.span
 
     def normalized(self, returns: Array) -> Array:
         """Returns on the scale from zero action (0) to the upper reference (1)."""

@@ -11,6 +11,7 @@ from experiments.matrix.cell_folder import CELL, CELLS, CellFile
 from experiments.matrix.results import read_results
 from experiments.matrix.table import VERSIONS, ambiguity
 from experiments.report.comparisons import compare
+from experiments.report.ladder import ORDER
 from transferkit.errors import RunDirectoryError
 from transferkit.files import read_json
 
@@ -53,7 +54,7 @@ def load_matrix(root: Path) -> Matrix:
     made_by = {tuple(f"{name} {getattr(row, name)}" for name in (*VERSIONS, "commit")) for row in results.finished if row.torch}
     return Matrix(
         results.finished,
-        compare(results.rows, root / CELLS),
+        sorted(compare(results.rows, root / CELLS), key=lambda group: ORDER.index(group.rung)),
         results.failed,
         [f"{where.name}: {what}" for where, what in results.damaged.items()],
         sorted({read_json(path, CellFile).command for path in paths if path.exists()}),

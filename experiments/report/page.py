@@ -14,8 +14,8 @@ from plotly.offline import get_plotlyjs
 
 from experiments.matrix.arms import UNTRAINED
 from experiments.report.curves import AXES, EVALUATIONS, WINDOWS
-from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows
-from experiments.report.verdict import NEGATIVE, NONE, POSITIVE
+from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows, verdict_rows
+from experiments.report.verdict import HARMFUL, NONE, POSITIVE, REFUSED
 from transferkit.files import write_atomically
 
 if TYPE_CHECKING:
@@ -24,15 +24,18 @@ if TYPE_CHECKING:
     from experiments.report.curves import Arm
     from experiments.report.matrix import Matrix
 
+GAINS = ("area", "jumpstart", "end")
+"""What can be drawn as a map."""
+
 TEMPLATE = Path(__file__).with_name("page.html.j2")
-SIGNS = {POSITIVE: "+", NEGATIVE: "-", NONE: "○"}
+SIGNS = {POSITIVE: "+", HARMFUL: "-", REFUSED: "⊘", NONE: "○"}
 """Beside the colour, for those who do not see it."""
 
 
 def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path], out: Path) -> None:
     """Write the page."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"num": number, "sign": sign}
+    environment.filters |= {"num": number, "sign": sign, "found": difference}
     ids = {id(group): f"cell-{k}" for k, group in enumerate(matrix.groups)}
     curves: dict[str, Any] = {}
     page = environment.from_string(TEMPLATE.read_text()).render(
@@ -43,6 +46,11 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
         curve_rows=curve_rows,
         aggregates=aggregate_rows(matrix.groups),
         paper=paper_rows(matrix.groups),
+        verdicts=[
+            (ids[id(group)], sign(group), next((line["data_efficiency"] for line in curve_rows(group)), None), row)
+            for group, row in zip((g for g in matrix.groups if g.core), verdict_rows(matrix.groups), strict=True)
+        ],
+        gains=list(GAINS),
         heat=[heat_map(matrix, trainer, ids) for trainer in dict.fromkeys(g.trainer for g in matrix.groups if g.core)],
         cells={ids[id(group)]: cell_data(group, curves) for group in matrix.groups},
         curves=curves,
@@ -57,7 +65,7 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
 
 
 def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any]:
-    """Transfer minus scratch of every core and target under a trainer, as plotly's heat map wants it."""
+    """Transfer minus scratch of every core and target under a trainer, as plotly's heat map wants it, for each of the gains."""
     groups = {(group.core, group.target): group for group in matrix.groups if group.trainer == trainer and group.core}
     cores, targets = (list(dict.fromkeys(key[k] for key in groups)) for k in (0, 1))
     grid = [[groups.get((core, target)) for target in targets] for core in cores]
@@ -66,16 +74,22 @@ def heat_map(matrix: Matrix, trainer: str, ids: dict[int, str]) -> dict[str, Any
         "x": targets,
         "y": cores,
         "scaled": any(group.scaled for group in groups.values()),
-        "z": [[group and (group.normalized_difference or 0.0) for group in row] for row in grid],
-        "text": [["" if group is None else _heat_text(group) for group in row] for row in grid],
+        "maps": {
+            gain: {
+                "z": [[group and (group.share(gain) or 0.0) for group in row] for row in grid],
+                "text": [["" if group is None else _heat_text(group, gain) for group in row] for row in grid],
+            }
+            for gain in GAINS
+            if any(group.gains[gain] for group in groups.values())
+        },
         "words": [["" if group is None else group.verdict.kind for group in row] for row in grid],
         "cells": [[group and ids[id(group)] for group in row] for row in grid],
     }
 
 
-def _heat_text(group: Group) -> str:
-    difference = group.verdict.scratch
-    return sign(group) + ("" if difference is None else f"<br>{difference.mean:+.4g}")
+def _heat_text(group: Group, gain: str) -> str:
+    found = group.gains[gain]
+    return sign(group) + ("" if found is None else f"<br>{difference(found.mean, found.low, found.high)}")
 
 
 def sign(group: Group) -> str:
@@ -111,6 +125,17 @@ def budget(row: Row) -> str:
     limits = zip(row.budget, ("episodes", "steps", "seconds"), strict=True)
     bounds = " and ".join(f"{limit} {unit}" for limit, unit in limits if limit is not None) or "no training"
     return f"{row.target}, {row.trainer}: {bounds}, then {row.eval_episodes} episodes of evaluation"
+
+
+def difference(mean: float | None, low: float | None, high: float | None) -> str:
+    """A difference with the digits that its interval supports: two of half its width."""
+    if mean is None or low is None or high is None:
+        return ""
+    half = (high - low) / 2
+    if not math.isfinite(half) or half <= 0:
+        return f"{mean:+.4g}"
+    decimals = 1 - math.floor(math.log10(half))
+    return f"{round(mean, decimals):+.{max(decimals, 0)}f}"
 
 
 def number(value: object, infinite: str = "∞") -> str:

@@ -24,6 +24,9 @@ TableRow = Mapping[str, object]
 HALFWAY = 0.5
 """The threshold of time to threshold, on the scale from zero action (0) to the upper reference (1)."""
 
+ENDS = ("mean", "low", "high")
+"""A difference and its interval."""
+
 MEANS = {"all": "all_mean", "seconds": "seconds", "steps": "steps"}
 """Columns of the paper's measures that are plain means."""
 
@@ -129,6 +132,12 @@ def source_steps(core: str) -> float | None:
     return card and float(np.mean([spent["steps"] for spent in card.spent]))
 
 
+def core_share(group: Group) -> float | None:
+    """Share of the transfer's evaluations that the untrained core played; None if runs were evaluated at their end only."""
+    shares = group.grid(TRANSFER, "core_share") if TRANSFER in group.arms else np.array([])
+    return float(np.nanmean(shares)) if np.isfinite(shares).any() else None
+
+
 def verdict_rows(groups: Sequence[Group]) -> list[TableRow]:
     """One row for every core, target and trainer with a core."""
     return [
@@ -139,8 +148,13 @@ def verdict_rows(groups: Sequence[Group]) -> list[TableRow]:
             "verdict": group.verdict.kind,
             "own_task": group.own_task,
             "reason": group.verdict.reason,
+            "rung": group.rung,
+            "measure": group.verdict.measure,
             "transfer_minus_scratch": group.verdict.scratch and group.verdict.scratch.mean,
-            "normalized": group.normalized_difference,
+            "normalized": group.share("end"),
+            **{f"{name}_{end}": found and getattr(found, end) for name, found in group.gains.items() for end in ENDS},
+            "core_share": core_share(group),
+            "n": group.scores[TRANSFER].size if TRANSFER in group.scores else 0,
         }
         for group in groups
         if group.core

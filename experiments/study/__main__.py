@@ -44,7 +44,7 @@ def write(study: Study) -> int:
         from experiments.study.figure import draw  # noqa: PLC0415 - matplotlib
 
         draw(study).savefig(study.folder / "figure.png", dpi=90)
-    elif not any(row.steps for row in study.rows):
+    elif study.has_rows and not any(row.steps for row in study.rows):
         from experiments.study.heat_map import draw_heat_map  # noqa: PLC0415 - matplotlib
 
         draw_heat_map(study).savefig(study.folder / "figure.png", dpi=90)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import csv
 import functools
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.matrix.table import read_rows
 from experiments.report.comparisons import compare
+from transferkit import stats
 from transferkit.errors import TransferkitError
 
 if TYPE_CHECKING:
@@ -35,10 +37,15 @@ class Study:
         """The page."""
         return self.folder / "README.md"
 
+    @property
+    def has_rows(self) -> bool:
+        """Whether it is about runs of a matrix."""
+        return (self.folder / "rows.csv").exists()
+
     @functools.cached_property
     def rows(self) -> list[Row]:
         """Every run that ended."""
-        return read_rows(self.folder / "rows.csv")
+        return [self._measured(row) for row in read_rows(self.folder / "rows.csv")]
 
     @functools.cached_property
     def groups(self) -> list[Group]:
@@ -52,6 +59,14 @@ class Study:
         for line in self.lines("curves"):
             found.setdefault(line.pop("id"), []).append({name: float(value) for name, value in line.items()})
         return found
+
+    def _measured(self, row: Row) -> Row:
+        """The run with the area under its curve, which earlier tables do not have."""
+        points = self.curves.get(row.id, ())
+        if len(points) < 2 or not math.isnan(row.area):
+            return row
+        steps, returns = ([point[name] for point in points] for name in ("steps", "return_mean"))
+        return replace(row, area=stats.area(steps, returns), first_return_mean=returns[0])
 
     def lines(self, name: str) -> list[dict[str, str]]:
         """Another table of the folder, as text; empty if there is none."""

@@ -63,3 +63,11 @@ def test_padding_gives_the_core_the_first_observations(untrained_core):
     again.load_state_dict(policy.state_dict())
     torch.testing.assert_close(again(observation), policy(observation))
     assert config.wrap.freeze == {"input_adapter": 1.0, "output_adapter": 1.0}
+
+
+@pytest.mark.parametrize("arm", ["random", "random-matched", "shuffled"])
+def test_a_control_is_trained_however_bad_it_is(arm):
+    config = TrainConfig("Hopper-v5", core="hopper-v1")
+    assert config.wrap.probation
+    assert not ARMS[arm](config, load_core("hopper-v1"))[0].wrap.probation
+    assert ARMS["transfer"](config, load_core("hopper-v1"))[0] == config

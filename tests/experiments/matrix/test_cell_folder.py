@@ -3,14 +3,19 @@ import json
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from experiments.matrix.cell import Cell
 from experiments.matrix.cell_folder import CELLS, SET_ASIDE, pack, read_cell, unpack
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import collect, read_results
 from experiments.matrix.runner import damages, run_cell
 from transferkit import run_training
+from transferkit.config import TrainConfig, with_settings
 from transferkit.errors import RunDirectoryError
+from transferkit.files import read_json
+from transferkit.run import EvaluationRow, Result, read_table
 
 
 @pytest.mark.parametrize(
@@ -29,7 +34,7 @@ from transferkit.errors import RunDirectoryError
         ("cell.json", lambda data: data.replace(b'"arm"', b'"arms"'), "cell.json: "),
         ("cell.json", lambda _: None, "cell.json: "),
         ("cell.json", lambda data: data.replace(b'"seed": 0', b'"seed": 1', 1), "cell.json describes another run"),
-        ("run/evaluations.csv", lambda data: data.replace(b",n\n", b",m\n"), "evaluations.csv: "),
+        ("run/evaluations.csv", lambda data: data.replace(b",n,core\n", b",m,core\n"), "evaluations.csv: "),
         ("run/result.json", lambda data: data.replace(b'"eval_episodes": 2', b'"eval_episodes": 3'), "evaluations.csv: "),
         ("speed.json", lambda data: data[:5], "speed.json: "),
     ],
@@ -45,6 +50,23 @@ def test_damage_is_named_by_its_file(results, tmp_path, name, change, what):
     if data is not None:
         (where / name).write_bytes(data)
     assert read_results(tmp_path).damaged[where].startswith(what)
+
+
+@pytest.mark.parametrize("core", ["inverted-pendulum-v2", "cartpole-swingup-v2"])
+def test_a_run_with_probation_is_measured_from_its_first_step(tmp_path, core):
+    config = TrainConfig("InvertedDoublePendulum-v5", core=core, episodes=60, eval_episodes=2, eval_every=100)
+    config = with_settings(config, {"ppo.rollout": "steps", "ppo.rollout_steps": 32, "ppo.num_envs": 1, "network.hidden": [8]})
+    cell = Cell("transfer", core, "small", config)
+    assert run_cell(cell, tmp_path, "the command").error == ""
+    (row,) = read_results(tmp_path).finished
+    probation = read_json(tmp_path / CELLS / cell.id / "run" / "result.json", Result).probation
+    assert row.refused == int(not probation.accepted)
+    table = read_table(tmp_path / CELLS / cell.id / "run", EvaluationRow)
+    assert row.first_return_mean == pytest.approx(table["return_mean"][0], abs=1e-3)
+    assert row.core_share == pytest.approx(table["core"].mean(), abs=1e-3)
+    heights = (table["return_mean"][1:] + table["return_mean"][:-1]) / 2
+    whole = probation.steps * np.mean(probation.zero) + (heights * np.diff(table["steps"])).sum()
+    assert row.area == pytest.approx(whole / table["steps"][-1], abs=1e-3)
 
 
 def without_checksums(where):

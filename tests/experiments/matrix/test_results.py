@@ -51,7 +51,7 @@ def test_a_file_named_known_is_refused(tmp_path):
 def test_evaluations_are_a_table_by_run(copy):
     rows = collect(copy)
     lines = (copy / "evaluations.csv").read_text().splitlines()
-    assert lines[0] == "id,steps,episodes,seconds,return_mean"
+    assert lines[0] == "id,steps,episodes,seconds,return_mean,core"
     trained = [row for row in rows if row.trainer]
     assert len(lines) == 1 + 3 * len(trained)  # before, after 128 steps, and at the end
     assert {line.partition(",")[0] for line in lines[1:]} == {row.id for row in trained}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.report.verdict import NEGATIVE, NONE, POSITIVE, judge
+from experiments.report.verdict import HARMFUL, NONE, POSITIVE, REFUSED, judge
 
 SEEDS = np.arange(10.0)
 """What the seeds share; paired differences are free of it."""
@@ -25,14 +25,14 @@ ARMS = {
 @pytest.mark.parametrize(
     ("changed", "kind", "word"),
     [
-        ({}, POSITIVE, "beats every control"),
+        ({}, POSITIVE, "beats scratch and every control"),
         ({"shuffled": arm(5.0, 2)}, NONE, "not clearly better than shuffled"),
-        ({"scratch": arm(8.0)}, NEGATIVE, "below training from scratch, by 3"),
-        ({"scratch": arm(5.01) + 3 * NOISE}, NONE, "not above training from scratch"),
+        ({"scratch": arm(8.0)}, HARMFUL, "below training from scratch, by 3"),
+        ({"scratch": arm(5.01) + 3 * NOISE}, NONE, "not clearly better than scratch"),
         ({"random-matched": None}, NONE, "needs the arms random-matched"),
         ({"scratch": None}, NONE, "needs the arms scratch"),
         ({"transfer": None}, NONE, "was not run"),
-        ({"scratch": arm(8.0), "random": np.where(SEEDS < 1, arm(2.0, 2), np.nan)}, NEGATIVE, "below training from scratch"),
+        ({"scratch": arm(8.0), "random": np.where(SEEDS < 1, arm(2.0, 2), np.nan)}, HARMFUL, "below training from scratch"),
         ({"random": np.where(SEEDS < 1, arm(2.0, 2), np.nan)}, NONE, "Fewer than two seeds"),
     ],
 )
@@ -41,6 +41,52 @@ def test_a_claim_of_transfer_needs_every_control(changed, kind, word):
     verdict = judge(arms)
     assert verdict.kind == kind
     assert word in verdict.reason
+
+
+EVEN = {name: arm(5.0, len(scores)) for name, scores in ARMS.items()}
+"""All arms end alike."""
+
+
+@pytest.mark.parametrize(
+    ("ends", "areas", "span", "kind", "word"),
+    [
+        (EVEN, ARMS, 10.0, POSITIVE, "on the whole"),
+        (EVEN, ARMS, None, NONE, "may end below scratch"),  # without references there is no margin
+        (EVEN | {"scratch": arm(5.1) + 5 * NOISE}, ARMS, 10.0, NONE, "may end below scratch"),
+        (EVEN | {"scratch": arm(5.1) + 5 * NOISE}, ARMS, 100.0, POSITIVE, "on the whole"),
+        (EVEN | {"scratch": arm(5.4) + 2 * NOISE}, ARMS, 100.0, HARMFUL, "ends below"),
+        (ARMS, EVEN | {"scratch": arm(6.0)}, 10.0, HARMFUL, "is on the whole below training from scratch, by 1"),
+        (ARMS, EVEN, 10.0, NONE, "not clearly better than scratch and random and random-matched and shuffled on the whole"),
+        (ARMS, {name: np.full_like(scores, np.nan) for name, scores in ARMS.items()}, 10.0, POSITIVE, "paired differences"),
+    ],
+    ids=[
+        "area",
+        "no span",
+        "an end that may be worse",
+        "an end within the margin",
+        "a worse end",
+        "a worse area",
+        "equal areas",
+        "ends alone",
+    ],
+)
+def test_the_area_decides_and_the_end_may_not_be_worse(ends, areas, span, kind, word):
+    verdict = judge(ends, areas, span=span)
+    assert (verdict.kind, verdict.measure) == (kind, "end" if np.isnan(areas["transfer"]).all() else "area")
+    assert word in verdict.reason
+
+
+def test_holm_is_over_scratch_and_the_three_controls():
+    verdict = judge(EVEN, ARMS, span=10.0)
+    assert set(verdict.primary) == {"scratch", "random", "random-matched", "shuffled"}
+    assert verdict.primary["shuffled"].mean == pytest.approx(4.0)
+    assert verdict.gained.mean == pytest.approx(1.0 + NOISE.mean() / 2)
+
+
+def test_a_core_that_nine_of_ten_runs_refuse_is_refused():
+    below = ARMS | {"scratch": arm(8.0)}
+    assert [judge(below, refused=share).kind for share in (1.0, 0.9, 0.89)] == [REFUSED, REFUSED, HARMFUL]
+    assert "90%" in judge(below, refused=0.9).reason
 
 
 def test_pairs_that_lack_a_run_are_left_out_of_both_arms():

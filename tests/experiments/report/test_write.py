@@ -85,6 +85,12 @@ def test_a_click_on_a_cell_shows_it(page):
         shown.locator(".kind").select_option("evaluations")
         shown.locator(".axis").select_option("steps")
         tab.wait_for_function("document.querySelector('.cell:not([hidden]) .xtitle').textContent === 'environment steps'")
+        tab.locator("#gain-0").select_option("jumpstart")
+        tab.locator(".sorts th", has_text="target").click()  # downwards
+        first = tab.locator(".sorts tbody tr").first
+        assert first.locator("td").nth(2).text_content() == "InvertedPendulum-v5"
+        first.locator("a").click()
+        tab.wait_for_function("document.querySelector('.cell:not([hidden]) h3').textContent.includes(' InvertedPendulum-v5')")
         assert not errors
         browser.close()
 
