@@ -100,7 +100,12 @@ def test_what_no_version_can_run_is_refused_in_a_line():
 def test_the_configuration_on_every_released_card_is_read(core):
     card = read_card(CARDS[core])
     config = TrainConfig.from_json(card.config)
-    presets = {"swimmer-v1": "default-v3", "hopper-v1": "default-v2", "walker2d-v1": "default-v2"}
+    presets = {
+        "swimmer-v1": "default-v3",
+        "hopper-v1": "default-v2",
+        "walker2d-v1": "default-v2",
+        "half-cheetah-v1": "default-v4",
+    }
     assert config.preset == presets.get(core, "default-v1")
     assert config.network.hidden == tuple(card.components["policy"].architecture["hidden"])
 

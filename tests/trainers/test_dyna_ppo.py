@@ -17,7 +17,7 @@ def test_its_preset_has_no_steps_by_kl_divergence(pendulum_spec, settings, rate)
     config = with_settings(TrainConfig(ENV, algo="dyna-ppo"), {"model.hidden": [8], **settings})
     policy = ScratchPolicy.create(Architecture(4, 1, (8,)), Streams(0).torch("policy"), init_std=0.5, normalize=False)
     trainer = DynaPPOTrainer(policy, pendulum_spec, config, Streams(0), torch.device("cpu"))
-    trainer.algorithm.set_learning_rate(0.5, 0)
+    trainer.algorithm.set_progress(0.5, 0)
     assert trainer.algorithm.learning_rate == pytest.approx(rate)
     assert trainer.algorithm.optimizer.parts[-1].lr is None
     assert trainer.rule.capacity == config.dyna_ppo.horizon

@@ -74,6 +74,8 @@ class DynaConfig:
     """How much a policy with a core is held to what it did at first, beside its value (Fujimoto & Gu 2021 take 0.4); it falls
     linearly to zero over the budget. The critics know nothing of the target at first, and a policy that follows them forgets
     what it could do."""
+    anchor_holds: bool = False
+    """Keep the whole anchor for as long as the latest training episodes are worse than the core's on probation."""
     curious_until: Annotated[int, NOT_NEGATIVE] = 100
     """Until so many rewards differ from their median, and no episode has terminated, the model's disagreement is the reward: a
     run that meets no reward has nothing else to learn from (Sekar et al. 2020). 0 for never."""

@@ -59,6 +59,9 @@ class PPOConfig:
     """Standardise advantages over the rollout or over each minibatch."""
     normalize_reward: bool = True
     """Divide rewards by the running standard deviation of the discounted return."""
+    critic_first: Annotated[float, SHARE] = 0.0
+    """Share of the budget, at its beginning, in which only the critic learns if the policy has a core: what a critic that knows
+    nothing says of it would spoil it."""
 
     def __post_init__(self) -> None:
         check(self, "ppo")

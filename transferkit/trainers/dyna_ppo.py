@@ -114,7 +114,7 @@ class DynaPPOTrainer:
         thaw(self.model, self.policy, progress)
         metrics = {"model": fit(self.learner, self.buffer, self.config.model, self.generator, self._update_model)}
         self.fitted = True
-        self.algorithm.set_learning_rate(progress, session.trained.episodes)
+        self.algorithm.set_progress(progress, session.trained.episodes)
         return metrics | self._improve()
 
     def state(self) -> dict[str, Any]:

@@ -127,6 +127,24 @@ def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(full_core, p
     assert moved[100.0] < 0.5 * moved[0.0]
 
 
+def test_a_policy_that_is_behind_its_core_is_held_as_firmly_at_the_end(full_core, pendulum_spec):
+    observation = torch.randn(8, 4, generator=Streams(0).torch("x"))
+
+    def moved(*, holds, behind):
+        policy, generator = wrap(full_core, pendulum_spec), Streams(0).torch("transitions")
+        made = make_agent(policy, pendulum_spec, replace(TINY, random_steps=100, anchor=100.0, anchor_holds=holds))
+        first = policy(observation)[0].detach()
+        made.set_progress(1.0, 0.0, behind=behind)
+        for _ in range(80):
+            made.buffer.add(drawn(generator))
+            made.learn()
+        return float((policy(observation)[0] - first).detach().abs().mean())
+
+    free = moved(holds=False, behind=True)
+    assert moved(holds=True, behind=False) == free
+    assert moved(holds=True, behind=True) < 0.5 * free
+
+
 def test_a_wrapped_core_stays_while_it_is_frozen(full_core, pendulum_spec):
     policy = wrap(full_core, pendulum_spec, freeze={"core": 0.5})
     made = make_agent(policy, pendulum_spec, TINY, model=replace(MODEL, members=3), wrapped=True)

@@ -81,13 +81,29 @@ def test_a_critic_of_its_own_rate_is_not_slowed_down_with_the_policy():
     assert moved == pytest.approx([1e-5, 1e-2], rel=1e-2)
 
 
+@pytest.mark.parametrize(("has_core", "moves"), [(True, [False, True]), (False, [True, True])])
+def test_a_policy_with_a_core_waits_for_its_critic(has_core, moves):
+    ppo = algorithm(schedule="adaptive", critic_first=0.1)
+    ppo.policy.has_core = has_core
+    moved = []
+    for progress in (0.09, 0.1):
+        ppo.set_progress(progress, 0)
+        actor, critic = (parameters_to_vector(m.parameters()).detach().clone() for m in (ppo.policy, ppo.values.body))
+        rate = ppo.learning_rate
+        ppo.learn(play(ppo, [step(float(k), following=(k / 3, -k / 2)) for k in range(4)]))
+        moved.append(not torch.equal(parameters_to_vector(ppo.policy.parameters()), actor))
+        assert not torch.equal(parameters_to_vector(ppo.values.body.parameters()), critic)
+        assert moved[-1] or ppo.learning_rate == rate
+    assert moved == moves
+
+
 @pytest.mark.parametrize(
     ("schedule", "progress", "episodes", "rate"),
     [("fixed", 0.5, 250, 1e-3), ("linear", 0.25, 250, 7.5e-4), ("step", 0.25, 250, 8.1e-4), ("step", 0.25, 99, 1e-3)],
 )
 def test_learning_rates_follow_their_schedule(schedule, progress, episodes, rate):
     ppo = algorithm(schedule=schedule, learning_rate=1e-3)
-    ppo.set_learning_rate(progress, episodes)
+    ppo.set_progress(progress, episodes)
     assert ppo.learning_rate == pytest.approx(rate)
     assert {group["lr"] for group in ppo.optimizer.param_groups} == {ppo.learning_rate}
 

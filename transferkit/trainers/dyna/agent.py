@@ -189,9 +189,13 @@ class Agent:
             largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
         return self.reward_scale * max(1.0, largest) / (1 - self.discount)
 
-    def set_progress(self, progress: float, step_progress: float) -> None:
-        """Freeze, unfreeze and calm down for a run that has used these shares of its budget and of its steps."""
-        self._progress, config = progress, self.config
+    def set_progress(self, progress: float, step_progress: float, *, behind: bool = False) -> None:
+        """Freeze, unfreeze, let go and calm down for a run that has used these shares of its budget and of its steps.
+
+        One that is `behind` its core may not let it go.
+        """
+        config = self.config
+        self._anchor = config.anchor * (1.0 if behind and config.anchor_holds else 1.0 - progress)
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -277,7 +281,7 @@ class Agent:
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
-        anchor = torch.tensor(self.config.anchor * (1.0 - self._progress), device=self.device)
+        anchor = torch.tensor(self._anchor, device=self.device)
         for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
             part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
             loss, actors_loss = self.programs.update(self.networks, part, anchor, tuple(with_actor[k : k + size]))

@@ -97,7 +97,7 @@ class PPO(rsl_rl.algorithms.PPO):
         self.learners = Learner(policy, parts, config.learning_rate), Learner(critic, learnt, config.learning_rate)
         self.optimizer = cast("Any", Optimizers([learner.optimizer for learner in self.learners]))
         self._update_minibatch = compiled(update_minibatch) if compiles else update_minibatch
-        self._compiles = compiles
+        self._compiles, self._critic_only = compiles, False
         self.returns = RunningReturn(num_envs, self.gamma)
         self.train_mode()
 
@@ -141,6 +141,8 @@ class PPO(rsl_rl.algorithms.PPO):
         count = epochs * storage.num_mini_batches
         learning_rate = torch.tensor(self.learning_rate, device=self.device)
         rates = [learner.optimizer.rates(count, lr=1.0) for learner in self.learners]
+        if self._critic_only:
+            rates[0] = torch.zeros_like(rates[0])
         total: dict[str, float] = dict.fromkeys(("value", "surrogate", "entropy"), 0.0)
         for k, minibatch in enumerate(storage.minibatches(epochs)):
             if self._compiles and (self.config.rollout != "steps" or len(minibatch.actions) != self.config.batch_size):
@@ -148,14 +150,16 @@ class PPO(rsl_rl.algorithms.PPO):
             step_rates = rates[0][k], rates[1][k]
             losses = self._update_minibatch(self.rule, *self.learners, minibatch, step_rates, learning_rate)
             total = {name: total[name] + losses[name] / count for name in total}
-        self.learning_rate = float(learning_rate)
+        if not self._critic_only:  # a policy that stays tells nothing of the rate
+            self.learning_rate = float(learning_rate)
         if self._learns_statistics:
             self.policy.update_normalizer(cast("Tensor", storage.observations).flatten(0, 1))
         storage.clear()
         return total
 
-    def set_learning_rate(self, progress: float, episodes: int) -> None:
-        """Follow the schedule to this share of the budget and number of episodes."""
+    def set_progress(self, progress: float, episodes: int) -> None:
+        """Follow the schedules to this share of the budget and number of episodes."""
+        self._critic_only = self.policy.has_core and progress < self.config.critic_first
         if self.schedule == "linear":
             self.learning_rate = self.config.learning_rate * (1 - progress)
         elif self.schedule == "step":

@@ -46,7 +46,7 @@ class PPOTrainer:
         """Collect a rollout and learn from it; what a budget cuts below one minibatch is not learnt from."""
         algorithm = self.algorithm
         self.policy.at_progress(session.progress)
-        algorithm.set_learning_rate(session.progress, session.trained.episodes)
+        algorithm.set_progress(session.progress, session.trained.episodes)
         observation = collect(algorithm, envs, observation, self.rule, session)
         if session.progress >= 1 and algorithm.storage.step * self.num_envs < self.config.batch_size:
             return observation, None
