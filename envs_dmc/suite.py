@@ -6,6 +6,9 @@ context at every reset.
 
 from __future__ import annotations
 
+import contextlib
+import logging
+from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
@@ -62,7 +65,8 @@ class SuiteTask(DmControlEnv):
     def __init__(self, domain: str, task: str, *, render_mode: str | None = None, **kwargs: Any) -> None:  # noqa: ANN401
         given = dict(kwargs)
         of_env = {name: kwargs.pop(name) for name in OF_THE_ENVIRONMENT if name in kwargs}
-        native = suite.load(domain, task, {"random": MODEL_SEED} | kwargs, of_env or None)
+        with _without_deprecations():
+            native = suite.load(domain, task, {"random": MODEL_SEED} | kwargs, of_env or None)
         if render_mode is None:
             without_rendering(native.physics)
         else:
@@ -77,6 +81,18 @@ class SuiteTask(DmControlEnv):
             disable_env_checker=True,
             kwargs={"domain": domain, "task": task} | given,
         )
+
+
+@contextlib.contextmanager
+def _without_deprecations() -> Iterator[None]:
+    """Keep MuJoCo from saying, at every load, what is deprecated in the suite's own XML."""
+    says = lambda record: "is deprecated" not in record.getMessage()  # noqa: E731
+    logger = logging.getLogger("absl")  # dm_control's
+    logger.addFilter(says)
+    try:
+        yield
+    finally:
+        logger.removeFilter(says)
 
 
 def without_rendering(physics: Any) -> None:  # noqa: ANN401
