@@ -50,6 +50,18 @@ def test_a_table_of_before_lacks_its_last_columns(tmp_path):
         read_table(tmp_path / "run", EvaluationRow)
 
 
+def test_a_table_of_before_goes_on_as_it_began(tmp_path):
+    row = EvaluationRow(1, 30, 1.0, 2.5, 0.5, 2.0, 3.0, 20, core=1)
+    with RunDirectory.create(tmp_path / "run", {}) as run:
+        run.append(row)
+    path = EvaluationRow.file(tmp_path / "run")
+    path.write_text("".join(line.rpartition(",")[0] + "\n" for line in path.read_text().splitlines()))
+    with RunDirectory(tmp_path / "run") as run:
+        run.append(row)
+    table = read_table(tmp_path / "run", EvaluationRow)
+    assert (table["n"].tolist(), table["core"].tolist()) == ([20, 20], [0, 0])
+
+
 def test_the_table_of_a_finished_run_has_a_checksum(tmp_path):
     with RunDirectory.create(tmp_path / "run", {}) as run:
         run.append(EpisodeRow(1, 0, 2.5, 30, 1, 30, 1.0))

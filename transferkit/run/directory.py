@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 POLICY, BEST = "policy.safetensors", "best.safetensors"
 """The policy that a run ended with, and the one that its evaluations during training found best."""
 
+LONGEST_HEADER = 1000
+"""Characters of a table's first line that are looked at."""
+
 LOCK = ".lock"
 LEFTOVERS = (LOCK, RECORD + ".tmp")
 """Files that a start leaves behind if it is killed before it wrote its record."""
@@ -54,6 +57,7 @@ class RunDirectory:
         self._check_regular()
         self._lock = self._acquire()
         self._tables: dict[str, TextIO] = {}
+        self._widths: dict[str, int] = {}
 
     @classmethod
     def create(cls, path: Path, config: Mapping[str, Any]) -> RunDirectory:
@@ -101,7 +105,7 @@ class RunDirectory:
         if kind.table not in self._tables:
             self._open(kind)
         with writing(kind.file(self.path)):
-            csv.writer(self._tables[kind.table], lineterminator="\n").writerow(row.values())
+            csv.writer(self._tables[kind.table], lineterminator="\n").writerow(row.values()[: self._widths[kind.table]])
 
     def checkpoint(self, state: Mapping[str, Any]) -> None:
         """Replace the checkpoint, after the rows it counts on are on the disk."""
@@ -194,6 +198,8 @@ class RunDirectory:
             self._tables[kind.table] = file
             if file.tell() == 0:
                 csv.writer(file, lineterminator="\n").writerow(kind.columns())
+        with kind.file(self.path).open(encoding="ascii", errors="replace") as whole:
+            self._widths[kind.table] = whole.readline(LONGEST_HEADER).count(",") + 1  # an earlier version's table goes on
 
     def _lengths(self, state: Mapping[str, Any]) -> dict[str, int]:
         """How long the tables were when a checkpoint was written; none may be shorter now."""
