@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from statistics import fmean
 from typing import TYPE_CHECKING
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
@@ -101,6 +102,40 @@ def cores(study: Study, targets: Sequence[str], *, training: bool = False) -> Li
     return lines
 
 
+def untrained(study: Study, pairs: Sequence[Sequence[str]]) -> Lines:
+    """A line for each of these pairs of a core and a target, which is never trained: how it is matched, and what it plays.
+
+    How it is matched is from `matches.csv`. Every member's mean stands beside the core's, since members can differ by much.
+    """
+    matches = {(line["core"], line["target"]): line for line in study.lines("matches")}
+    names = ("shuffled", "random", "random-action", ZERO_ACTION)
+    lines = [["core on target", "matched", "held", "lengths", "core (each member)", *(ARMS[name] for name in names)]]
+    for core, target in pairs:
+        found, rows = matches[core, target], _select(study.rows, {"core": core, "target": target})
+        matched = f"{float(found['inputs']):.0%} and {float(found['actions']):.0%}"
+        means = [_mean_return(row for row in rows if row.arm == name) for name in names]
+        own = CELLS["mean, each"](study, [row for row in rows if row.arm == TRANSFER], [])
+        cells = [matched, found["hold"], f"{float(found['length']):.2f}", own, *map(whole, means)]
+        lines.append([f"`{core}` on {target.removeprefix('dm_control/').removesuffix('-v0')}", *cells])
+    return lines
+
+
+def kept(study: Study, changes: Mapping[str, str]) -> Lines:
+    """A line for every core, which is never trained: its own score, and what share of it remains where its robot is changed.
+
+    `changes` maps headings to what is added to the robot's id.
+    """
+    lines = [["core", "own score", *changes, "mean"]]
+    for core in sorted({row.core for row in study.rows if row.core}):
+        rows = [row for row in study.rows if row.core == core]
+        own = min((row.target for row in rows), key=len)
+        targets = own, *(f"{own}?{change}" for change in changes.values())
+        score, *changed = (_mean_return(row for row in rows if row.target == target) for target in targets)
+        shares = [one / score for one in changed]
+        lines.append([f"`{core}`", whole(score), *(f"{share:.2f}" for share in (*shares, fmean(shares)))])
+    return lines
+
+
 def published(study: Study) -> Lines:
     """The paper's measure beside the figures of `published.csv`, whose lines say which runs to take.
 
@@ -125,6 +160,8 @@ KINDS: Mapping[str, Callable[..., Lines]] = {
     "cross": cross,
     "arms": arms,
     "cores": cores,
+    "untrained": untrained,
+    "kept": kept,
     "published": published,
 }
 
@@ -141,6 +178,10 @@ def _select(rows: Iterable[Row], picked: Mapping[str, object]) -> list[Row]:
         for row in rows
         if all(getattr(row, name) == value or (name == "core" and not row.core) for name, value in picked.items())
     ]
+
+
+def _mean_return(rows: Iterable[Row]) -> float:
+    return fmean(row.eval_return_mean for row in rows)
 
 
 def _only(groups: Iterable[Group]) -> Group:
