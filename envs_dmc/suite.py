@@ -6,9 +6,7 @@ context at every reset.
 
 from __future__ import annotations
 
-import contextlib
 import logging
-from collections.abc import Iterator
 from typing import Any
 
 import gymnasium
@@ -21,6 +19,9 @@ from envs_dmc.task import DmControlEnv
 
 with no_opengl():
     from dm_control import suite
+
+# Once it is imported, dm_control logs what MuJoCo says at every load of a model, also of Gymnasium's: of deprecated XML too.
+logging.getLogger("absl").addFilter(lambda record: "is deprecated" not in record.getMessage())
 
 EPISODE_LIMIT = 1000
 """Control steps; the suite's own limit. Its two `lqr` tasks have none and get the same one here."""
@@ -65,8 +66,7 @@ class SuiteTask(DmControlEnv):
     def __init__(self, domain: str, task: str, *, render_mode: str | None = None, **kwargs: Any) -> None:  # noqa: ANN401
         given = dict(kwargs)
         of_env = {name: kwargs.pop(name) for name in OF_THE_ENVIRONMENT if name in kwargs}
-        with _without_deprecations():
-            native = suite.load(domain, task, {"random": MODEL_SEED} | kwargs, of_env or None)
+        native = suite.load(domain, task, {"random": MODEL_SEED} | kwargs, of_env or None)
         if render_mode is None:
             without_rendering(native.physics)
         else:
@@ -81,18 +81,6 @@ class SuiteTask(DmControlEnv):
             disable_env_checker=True,
             kwargs={"domain": domain, "task": task} | given,
         )
-
-
-@contextlib.contextmanager
-def _without_deprecations() -> Iterator[None]:
-    """Keep MuJoCo from saying, at every load, what is deprecated in the suite's own XML."""
-    says = lambda record: "is deprecated" not in record.getMessage()  # noqa: E731
-    logger = logging.getLogger("absl")  # dm_control's
-    logger.addFilter(says)
-    try:
-        yield
-    finally:
-        logger.removeFilter(says)
 
 
 def without_rendering(physics: Any) -> None:  # noqa: ANN401

@@ -84,6 +84,9 @@ def train(
 ) -> Result:
     """Train a policy in place, evaluate it, and keep everything in a run directory.
 
+    What is evaluated and kept, for `load_policy`, is another policy if the core of this one was refused (`result.probation`) or
+    is still ahead of what was learnt (`result.fell_back`).
+
     Args:
         policy: from `wrap` or `scratch_policy`.
         env: in any form that `make_env` takes; of one that is made copies are trained in.

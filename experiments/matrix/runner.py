@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -224,13 +226,26 @@ def train_when_free(config: TrainConfig, policy: Policy, out: Path, train: Train
     deadline = time.monotonic() + PATIENCE
     while True:
         try:
-            train(config, policy=policy, out=out, resume=True)
+            with without_words():
+                train(config, policy=policy, out=out, resume=True)
         except RunInUseError:
             if time.monotonic() > deadline:
                 raise
             time.sleep(0.2)
         else:
             return
+
+
+@contextmanager
+def without_words() -> Iterator[None]:
+    """Keep a run from saying how it goes: it stands in the run's row, and hundreds of runs would bury the progress."""
+    logger = logging.getLogger("transferkit")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
 
 
 def failure(cell: Cell, error: BaseException) -> Outcome:

@@ -10,5 +10,6 @@ def test_envs(capsys):
 
 
 def test_what_is_deprecated_in_the_suites_own_files_is_not_the_users_matter(capsys, caplog):
-    run(capsys, "envs", "show", "dm_control/cheetah-run-v0")
+    for env in ("dm_control/cheetah-run-v0", "HalfCheetah-v5?vary.gear=0.7"):
+        run(capsys, "envs", "show", env)
     assert not caplog.messages

@@ -53,11 +53,12 @@ def test_damage_is_named_by_its_file(results, tmp_path, name, change, what):
 
 
 @pytest.mark.parametrize("core", ["inverted-pendulum-v2", "cartpole-swingup-v2"])
-def test_a_run_with_probation_is_measured_from_its_first_step(tmp_path, core):
+def test_a_run_with_probation_is_measured_from_its_first_step(tmp_path, core, caplog):
     config = TrainConfig("InvertedDoublePendulum-v5", core=core, episodes=60, eval_episodes=2, eval_every=100)
     config = with_settings(config, {"ppo.rollout": "steps", "ppo.rollout_steps": 32, "ppo.num_envs": 1, "network.hidden": [8]})
     cell = Cell("transfer", core, "small", config)
     assert run_cell(cell, tmp_path, "the command").error == ""
+    assert not caplog.messages
     (row,) = read_results(tmp_path).finished
     probation = read_json(tmp_path / CELLS / cell.id / "run" / "result.json", Result).probation
     assert row.refused == int(not probation.accepted)
