@@ -186,12 +186,13 @@ class Job:
             directory.save_policy(self.trained(trainer, session), best=True)
 
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
-        accounts = {"charged": charged, "to_beat": float(np.mean(probation.core)) if probation and self.untrained else None}
+        to_beat = float(np.mean(probation.core)) if probation and probation.accepted and probation.core else None
+        accounts = {"charged": charged, "to_beat": to_beat, "falls_back": self.untrained is not None}
         return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
 
     def better(self, session: Session) -> Policy:
         """The policy to evaluate and to save: what was learnt, or the untrained core as long as that is behind it."""
-        return self.untrained if self.untrained is not None and session.is_behind else self.policy
+        return self.untrained if self.untrained is not None and session.plays_core else self.policy
 
     def evaluate(self, session: Session) -> Evaluation:
         """Evaluate the policy as it would be loaded, and record an episode if one is due."""
@@ -226,7 +227,7 @@ class Job:
             prior_steps=sum(entry["steps"] for entry in ledger),
             best=session.best,
             evaluation_steps=session.evaluation_steps,
-            fell_back=self.better(session) is self.untrained,
+            fell_back=session.plays_core,
             probation=self.probation,
             earlier=session.directory.earlier,
         )
@@ -238,8 +239,8 @@ class Job:
             return
         if found.zero and latest < np.mean(found.zero):
             worse, remedy = f"doing nothing ({np.mean(found.zero):.4g})", "a larger budget or another preset"
-        elif self.better(session) is self.untrained:
-            worse = f"the untrained core ({np.mean(found.core):.4g}), which the run keeps as its policy"
+        elif session.is_behind:
+            worse = f"the untrained core ({np.mean(found.core):.4g}){', which the run keeps' if session.plays_core else ''}"
             remedy = "a larger budget"
         else:
             return

@@ -102,5 +102,6 @@ def _say(text: str, code: int) -> int:
 
 
 def _one_line(failure: threading.ExceptHookArgs) -> None:
-    """Report a thread that fails, such as TensorBoard's writer on a full disk, in one line."""
-    print(f"transferkit: a background writer stopped: {failure.exc_value}", file=sys.stderr)
+    """Report a thread that fails in one line; TensorBoard's writer hands what went wrong to whoever writes next."""
+    if type(failure.thread).__name__ != "_AsyncWriterThread":
+        print(f"transferkit: a background writer stopped: {failure.exc_value}", file=sys.stderr)

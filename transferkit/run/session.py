@@ -95,14 +95,15 @@ class Session:
         report: Report | None = None,
         charged: Spent | None = None,
         to_beat: float | None = None,
+        falls_back: bool = False,
     ) -> None:
         """Start with what was `charged` before training; it counts as spent, and the trainer knows nothing of it.
 
-        `to_beat` is the mean return below which the learner is behind.
+        `to_beat` is the mean return below which the learner is behind; one that `falls_back` is then stood in for.
         """
         self.directory, self.budget, self.spent = directory, budget, Spent() if charged is None else charged
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
-        self._to_beat = to_beat
+        self._to_beat, self._falls_back = to_beat, falls_back
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
         self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -130,6 +131,11 @@ class Session:
         """Whether there is a return to beat that the latest training episodes do not reach."""
         latest = self.latest_return
         return self._to_beat is not None and (latest is None or latest < self._to_beat)
+
+    @property
+    def plays_core(self) -> bool:
+        """Whether the untrained core stands in for what is learnt."""
+        return self._falls_back and self.is_behind
 
     @property
     def progress(self) -> float:
@@ -183,8 +189,8 @@ class Session:
         with self._paused():
             evaluated = self._evaluate(self)
             scores = evaluated.scores()
-            behind = int(self.is_behind)
-            self.directory.append(EvaluationRow(spent.episodes, spent.steps, round(spent.seconds, 3), **scores, core=behind))
+            core = int(self.plays_core)
+            self.directory.append(EvaluationRow(spent.episodes, spent.steps, round(spent.seconds, 3), **scores, core=core))
             self._add_scalars({f"evaluation/{name}": value for name, value in scores.items()})
             if self.schedule.eval_every and (self.best is None or scores["return_mean"] > self.best.return_mean):
                 self.best = Best(spent.steps, scores["return_mean"])

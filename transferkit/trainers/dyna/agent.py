@@ -194,8 +194,7 @@ class Agent:
 
         One that is `behind` its core may not let it go.
         """
-        config = self.config
-        self._anchor = config.anchor * (1.0 if behind and config.anchor_holds else 1.0 - progress)
+        self._progress, self._behind, config = progress, behind, self.config
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -281,7 +280,8 @@ class Agent:
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
-        anchor = torch.tensor(self._anchor, device=self.device)
+        kept = 1.0 if self._behind and self.config.anchor_holds else 1.0 - self._progress
+        anchor = torch.tensor(self.config.anchor * kept, device=self.device)
         for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
             part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
             loss, actors_loss = self.programs.update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
