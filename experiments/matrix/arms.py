@@ -12,7 +12,7 @@ from dataclasses import replace
 import torch
 from torch import nn
 
-from transferkit.config import TrainConfig
+from transferkit.config import TrainConfig, with_settings
 from transferkit.policy.base import ConstantPolicy, Policy
 from transferkit.policy.core import Core
 from transferkit.policy.health import play
@@ -119,7 +119,7 @@ UNTRAINED = (ZERO_ACTION, RANDOM_ACTION)
 
 def trusting(config: TrainConfig) -> TrainConfig:
     """The configuration without probation, which would make most controls runs from scratch."""
-    return replace(config, wrap=replace(config.wrap, probation=0))
+    return with_settings(config, {"wrap.probation": 0})
 
 
 def with_frozen(config: TrainConfig, *parts: str) -> TrainConfig:

@@ -26,6 +26,11 @@ def whole(value: float) -> str:
     return f"{round(value):d}"
 
 
+def short(target: str) -> str:
+    """An environment's id without what is the same for a whole suite."""
+    return target.removeprefix("dm_control/").removesuffix("-v0")
+
+
 def interval(mean: float, low: float, high: float) -> str:
     """A number with its interval."""
     return f"{whole(mean)} ({whole(low)} to {whole(high)})"

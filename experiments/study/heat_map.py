@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from experiments.matrix.arms import ZERO_ACTION
 from experiments.report.references import best
 from experiments.report.verdict import TRANSFER
+from experiments.study.cells import short
 from transferkit.plots import verbatim
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def draw_heat_map(study: Study) -> Figure:
             wins = own > max(_mean(_of(rows, arm, cores[i], targets[j])) for arm in _controls(rows))
             colour = "black" if share > LIGHT else "white"
             axis.text(j, i, f"{own:.0f}", ha="center", va="center", color=colour, fontweight="bold" if wins else "normal")
-    axis.set_xticks(range(len(targets)), [verbatim(_short(name)) for name in targets], rotation=40, ha="right")
+    axis.set_xticks(range(len(targets)), [verbatim(short(name)) for name in targets], rotation=40, ha="right")
     axis.set_yticks(range(len(cores)), [verbatim(name) for name in cores])
     bar = figure.colorbar(picture, ax=axis, shrink=0.8)
     bar.set_label("0: zero action, 1: best known", fontsize="small")
@@ -63,7 +64,3 @@ def _of(rows: Iterable[Row], arm: str, core: str, target: str) -> list[float]:
 
 def _mean(values: list[float]) -> float:
     return float(np.mean(values)) if values else float("nan")
-
-
-def _short(target: str) -> str:
-    return target.removeprefix("dm_control/").removesuffix("-v0")

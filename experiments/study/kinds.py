@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
 from experiments.report.tables import arm_rows, mean_interval
 from experiments.report.verdict import NONE, SCRATCH, TRANSFER, paired
-from experiments.study.cells import CELLS, by_member, difference, interval, whole
+from experiments.study.cells import CELLS, by_member, difference, interval, short, whole
 from experiments.study.rooms import StudyError
 from transferkit import stats
 
@@ -113,10 +113,9 @@ def untrained(study: Study, pairs: Sequence[Sequence[str]]) -> Lines:
     for core, target in pairs:
         found, rows = matches[core, target], _select(study.rows, {"core": core, "target": target})
         matched = f"{float(found['inputs']):.0%} and {float(found['actions']):.0%}"
-        means = [_mean_return(row for row in rows if row.arm == name) for name in names]
-        own = CELLS["mean, each"](study, [row for row in rows if row.arm == TRANSFER], [])
-        cells = [matched, found["hold"], f"{float(found['length']):.2f}", own, *map(whole, means)]
-        lines.append([f"`{core}` on {target.removeprefix('dm_control/').removesuffix('-v0')}", *cells])
+        means = [CELLS["mean"](study, _select(rows, {"arm": name}), []) for name in names]
+        own = CELLS["mean, each"](study, _select(rows, {"arm": TRANSFER}), [])
+        lines.append([f"`{core}` on {short(target)}", matched, found["hold"], f"{float(found['length']):.2f}", own, *means])
     return lines
 
 
@@ -130,7 +129,7 @@ def kept(study: Study, changes: Mapping[str, str]) -> Lines:
         rows = [row for row in study.rows if row.core == core]
         own = min((row.target for row in rows), key=len)
         targets = own, *(f"{own}?{change}" for change in changes.values())
-        score, *changed = (_mean_return(row for row in rows if row.target == target) for target in targets)
+        score, *changed = (fmean(row.eval_return_mean for row in _select(rows, {"target": target})) for target in targets)
         shares = [one / score for one in changed]
         lines.append([f"`{core}`", whole(score), *(f"{share:.2f}" for share in (*shares, fmean(shares)))])
     return lines
@@ -178,10 +177,6 @@ def _select(rows: Iterable[Row], picked: Mapping[str, object]) -> list[Row]:
         for row in rows
         if all(getattr(row, name) == value or (name == "core" and not row.core) for name, value in picked.items())
     ]
-
-
-def _mean_return(rows: Iterable[Row]) -> float:
-    return fmean(row.eval_return_mean for row in rows)
 
 
 def _only(groups: Iterable[Group]) -> Group:

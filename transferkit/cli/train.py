@@ -14,7 +14,7 @@ from transferkit.budget import Budget
 from transferkit.cli.answer import Answer
 from transferkit.cli.environment import gathered, with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
-from transferkit.config import TrainConfig, check_read
+from transferkit.config import TrainConfig, check_read, with_settings
 from transferkit.errors import ConfigError, SettingError
 from transferkit.table import format_table
 
@@ -64,7 +64,7 @@ def main(arguments: Sequence[str]) -> Answer:
 def _trusting(config: TrainConfig) -> TrainConfig:
     if config.core is None:
         raise ConfigError("{trust_core} has no effect without a core", remedy="leave it out, or give {core}")
-    return replace(config, wrap=replace(config.wrap, probation=0))
+    return with_settings(config, {"wrap.probation": 0})
 
 
 def _every(record: str | None) -> int:
