@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from transferkit.config import PPOConfig as PPOConfig
     from transferkit.config import TrainConfig as TrainConfig
     from transferkit.config import WrapConfig as WrapConfig
+    from transferkit.distill import distill as distill
     from transferkit.envs import derive_spec as derive_spec
     from transferkit.envs import make_env as make_env
     from transferkit.envs import vary as vary
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from transferkit.errors import UnknownNameError as UnknownNameError
     from transferkit.evaluation import Evaluation as Evaluation
     from transferkit.evaluation import evaluate as evaluate
+    from transferkit.export import export_descriptor as export_descriptor
     from transferkit.export import export_leapp as export_leapp
     from transferkit.export import export_onnx as export_onnx
     from transferkit.importing import import_core as import_core
@@ -79,6 +81,7 @@ _HOMES = {
         "TrainConfig",
         "WrapConfig",
     ),
+    "distill": ("distill",),
     "envs": ("derive_spec", "make_env", "vary"),
     "errors": (
         "ArtifactError",
@@ -97,7 +100,7 @@ _HOMES = {
         "UnknownNameError",
     ),
     "evaluation": ("Evaluation", "evaluate"),
-    "export": ("export_leapp", "export_onnx"),
+    "export": ("export_descriptor", "export_leapp", "export_onnx"),
     "importing": ("import_core",),
     "matching": ("load_match", "save_match"),
     "pairing": ("Pairing",),

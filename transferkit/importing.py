@@ -19,7 +19,7 @@ from transferkit.files import check_folder
 from transferkit.interop import Given, read_core
 from transferkit.policy.health import health
 from transferkit.versions import command, versions
-from transferkit.zoo.artifact import components_card
+from transferkit.zoo.artifact import check_unreleased, components_card
 from transferkit.zoo.card import Card, ImportedFrom, Score
 from transferkit.zoo.find import Played
 from transferkit.zoo.release import check_name, release
@@ -67,10 +67,7 @@ class Target:
         check_name(self.name)
         check_value("version", self.version, Annotated[int, AT_LEAST_ONE])
         check_folder(self.zoo, "zoo")
-        if self.folder.exists():
-            raise ArtifactError(
-                f"{self.folder} exists and a released core is never rewritten", remedy="choose a higher {version}"
-            )
+        check_unreleased(self.folder)
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from transferkit.run import RECORD, check_same, read_record
 from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
-from transferkit.zoo.artifact import components_card
+from transferkit.zoo.artifact import check_unreleased, components_card
 from transferkit.zoo.card import Card, Score
 from transferkit.zoo.release import check_name, release
 
@@ -90,8 +90,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
     if recipe.best and not config.eval_every:
         raise ConfigError("the best policy is found by evaluations during training", remedy="give {eval_every} with {best}")
     folder = recipe.zoo / recipe.id
-    if folder.exists():
-        raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
+    check_unreleased(folder)
     if config.algo == "dyna-ddpg" and not recipe.policy_only:
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
     results = _train_members(recipe, config)

@@ -25,8 +25,12 @@ LEAST = {"mass": 1e-3, "length": 1e-2, "gear": -1e6, "damping": 0.0, "friction":
 LARGEST = 1e6
 MOST_DELAY = 1000
 """Control steps."""
+MOST_FRAMES = 100
 
-NAMES = (*FACTORS, "delay", "noise", "drop_observation", "dead_actuator")
+WHOLE = ("delay", "drop_observation", "frames", "dead_actuator")
+"""Of an environment as a whole."""
+
+NAMES = (*FACTORS, *WHOLE, "noise")
 
 Amount = tuple[float, float]
 """The ends of a range; of one value both are it."""
@@ -47,6 +51,8 @@ class Variation:
     """Standard deviation of Gaussian noise by element of the observation, in its unit; `` stands for all of them."""
     drop_observation: Sequence[Place] = ()
     """Elements that the observation lacks."""
+    frames: int = 1
+    """How many of the latest observations are one, the oldest first; at the start of an episode its first one in all places."""
     dead_actuator: Sequence[Place] = ()
     """Actuators without force."""
 
@@ -65,10 +71,8 @@ class Variation:
                 raise UnknownNameError("variation", what, NAMES, topic="variations")
             values = value if isinstance(value, Mapping) else {part: value}
             tables.setdefault(what, {}).update(values)
-        single = {
-            name: tables.pop(name)[""] for name in ("delay", "drop_observation", "dead_actuator") if "" in tables.get(name, {})
-        }
-        for name in ("delay", "drop_observation", "dead_actuator", "gravity"):
+        single = {name: tables.pop(name)[""] for name in WHOLE if "" in tables.get(name, {})}
+        for name in (*WHOLE, "gravity"):
             if set(tables.get(name, ())) - ({""} if name == "gravity" else set()):
                 raise ConfigError(f"{name} is one for the whole environment", remedy=f"give {name}=VALUE", topic="variations")
         return cls(
@@ -77,9 +81,10 @@ class Variation:
                 for name, table in tables.items()
                 if name in FACTORS
             },
-            _delay(single.get("delay", 0)),
+            _whole("delay", single.get("delay", 0), 0, MOST_DELAY),
             {part: _amount("noise", value, 0.0, LARGEST) for part, value in tables.get("noise", {}).items()},
             _places("drop_observation", single.get("drop_observation", ())),
+            _frames(single.get("frames", 1)),
             _places("dead_actuator", single.get("dead_actuator", ())),
         )
 
@@ -97,8 +102,8 @@ class Variation:
             for part, amount in table.items()
         }
         lists = {"drop_observation": list(self.drop_observation), "dead_actuator": list(self.dead_actuator)}
-        delay = {"delay": [int(end) for end in self.delay] if self.delay[0] < self.delay[1] else int(self.delay[0])}
-        return flat | {name: value for name, value in (delay | lists).items() if value}
+        whole = {"delay": _plain((int(self.delay[0]), int(self.delay[1]))), "frames": self.frames if self.frames > 1 else 0}
+        return flat | {name: value for name, value in (whole | lists).items() if value}
 
     def draw(self, rng: np.random.Generator) -> dict[str, dict[str, float]]:
         """Factors of an episode, by property and part."""
@@ -129,11 +134,18 @@ def _amount(name: str, value: Any, least: float, most: float) -> Amount:  # noqa
     return float(ends[0]), float(ends[1])
 
 
-def _delay(value: Any) -> Amount:  # noqa: ANN401 - JSON
-    amount = _amount("delay", value, 0, MOST_DELAY)
+def _whole(name: str, value: Any, least: float, most: float) -> Amount:  # noqa: ANN401 - JSON
+    amount = _amount(name, value, least, most)
     if any(end != int(end) for end in amount):
-        raise ConfigError("variation delay", value=value, allowed="whole control steps", topic="variations")
+        raise ConfigError(f"variation {name}", value=value, allowed="whole control steps", topic="variations")
     return amount
+
+
+def _frames(value: Any) -> int:  # noqa: ANN401 - JSON
+    low, high = _whole("frames", value, 1, MOST_FRAMES)
+    if low < high:
+        raise ConfigError("variation frames", value=value, allowed="one number and no range", topic="variations")
+    return int(low)
 
 
 def _places(name: str, value: Any) -> tuple[Place, ...]:  # noqa: ANN401 - JSON

@@ -149,6 +149,18 @@ def test_what_is_seen_and_done_late():
     assert not difference[:, 1].any()
 
 
+def test_the_latest_observations_are_one():
+    env = vary("InvertedPendulum-v5", drop_observation=[2, 3], frames=3, noise={"hinge_y.position": 0.1})
+    first = env.reset(seed=0)[0]
+    np.testing.assert_array_equal(first, np.tile(first[:2], 3))
+    second = env.step(np.array([0.5]))[0]
+    third = env.step(np.array([0.5]))[0]
+    np.testing.assert_array_equal(third[:4], second[2:])  # the oldest first, and a frame keeps its noise
+    assert recorded(env).endswith("vary.noise.hinge_y.position=0.1&vary.frames=3&vary.drop_observation=[2,3]")
+    again = [element.age for element in derive_spec("InvertedPendulum-v5?vary.frames=2").observation]
+    assert again == [1, 1, 1, 1, 0, 0, 0, 0]
+
+
 def test_it_is_written_down():
     env = vary("Hopper-v5?frame_skip=8", mass=(0.7, 1.3), length={"thigh": 0.8}, dead_actuator=[0])
     name = "Hopper-v5?frame_skip=8&vary.mass=[0.7,1.3]&vary.length.thigh=0.8&vary.dead_actuator=[0]"
@@ -176,6 +188,8 @@ def test_it_is_written_down():
         (HOPPER, {"gravity": {"z": 1}}, ConfigError, "gravity is one for the whole environment"),
         (HOPPER, {"drop_observation": [11]}, ConfigError, "drop_observation=11 must be 0 to 10"),
         (HOPPER, {"drop_observation": list(range(11))}, ConfigError, "nothing is left to observe"),
+        (HOPPER, {"frames": 0}, ConfigError, "frames=0 must be a number or a range, low first, 1 to 100"),
+        (HOPPER, {"frames": (1, 2)}, ConfigError, "must be one number and no range"),
         (HOPPER, {"drop_observation": ["x"]}, UnknownNameError, "unknown element of the observation 'x'"),
         (HOPPER, {"dead_actuator": [3]}, ConfigError, "dead_actuator=3 must be 0 to 2"),
         ("CartPole-v1", {"mass": 1.1}, ConfigError, "is not a MuJoCo environment"),

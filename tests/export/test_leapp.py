@@ -12,7 +12,7 @@ import yaml
 from tests.cli.commands import run, run_json
 from transferkit import load_subject
 from transferkit.descriptors import compare, read_descriptor
-from transferkit.envs import derive_spec, make_env
+from transferkit.envs import derive_spec, make_env, opened, rollout
 from transferkit.errors import ConfigError
 from transferkit.export import export_leapp
 from transferkit.export.deployed import Deployed
@@ -75,6 +75,19 @@ def test_a_program_that_knows_only_the_file_drives_another_xml_of_the_robot_alik
     assert list(reached) != list(expected)
     assert reached == pytest.approx(expected, abs=1e-4)
     assert max(map(abs, expected.values())) > 0.1
+
+
+def test_a_trained_robot_runs_as_far_in_another_xml(tmp_path, program):
+    """The reward of the cheetah is how far it comes, and its controls are the same: so is its return."""
+    subject = load_subject("half-cheetah-v1", env="HalfCheetah-v5?reset_noise_scale=0", member=2)
+    export_leapp(subject, tmp_path / "cheetah.yaml")
+    reordered(tmp_path / "other.xml")
+    with opened(subject.env) as env:
+        for _ in rollout(subject.policy, [env], lambda _: 0, episodes=1):
+            own = float(env.unwrapped.data.qpos[0])
+    reached = program("cheetah.yaml", str(tmp_path / "other.xml"), 50.0)["rootx"]
+    assert own > 250
+    assert reached == pytest.approx(own, rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -25,12 +25,13 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
     add_best(flags)
     flags.add_argument("--leapp", type=Path, metavar="FILE.yaml", help="also write LEAPP YAML and its network")
+    flags.add_argument("--descriptor", type=Path, metavar="FILE.yaml", help="also write Isaac Lab's IO descriptors")
     target = flags.add_mutually_exclusive_group(required=True)
     target.add_argument("--out", type=Path, metavar="FILE.onnx")
     target.add_argument("--minari", metavar="DATASET", help="such as hopper/mine-v0")
     options = flags.parse_args(arguments)
-    if options.leapp is not None and options.out is None:
-        raise ConfigError("LEAPP YAML is of a policy", remedy="give {out}")
+    if (options.leapp is not None or options.descriptor is not None) and options.out is None:
+        raise ConfigError("{leapp} and {descriptor} are of a policy", remedy="give {out}")
     if options.minari is not None:
         return _minari(options.names, options.minari, environment(options))
     if len(options.names) > 1:
@@ -40,6 +41,10 @@ def main(arguments: Sequence[str]) -> Answer:
     check_new(options.out, "out", ".onnx")
     if options.leapp is not None and options.leapp.with_suffix(".onnx") == options.out:
         raise ConfigError(f"{options.leapp} needs the file {options.out}", remedy="choose another name for {leapp}")
+    if options.descriptor is not None:
+        if options.descriptor == options.leapp:
+            raise ConfigError(f"{options.leapp} cannot be both descriptors", remedy="choose another name for {descriptor}")
+        check_new(options.descriptor, "descriptor", ".yaml")
     return _onnx(options)
 
 
@@ -51,7 +56,7 @@ def _minari(names: Sequence[str], dataset: str, env: str | None) -> Answer:
 
 
 def _onnx(options: argparse.Namespace) -> Answer:
-    from transferkit.export import PARITY_ROWS, export_leapp, export_onnx  # noqa: PLC0415 - torch takes seconds to import
+    from transferkit.export import PARITY_ROWS, export_descriptor, export_leapp, export_onnx  # noqa: PLC0415 - torch takes seconds
     from transferkit.subject import home_of, load_subject  # noqa: PLC0415
 
     name, out = options.names[0], options.out
@@ -59,8 +64,12 @@ def _onnx(options: argparse.Namespace) -> Answer:
     subject = load_subject(name, env=env, member=options.member, best=options.best, values=False)
     network = None if options.leapp is None else export_leapp(subject, options.leapp)
     beside = "" if network is None else f"\n{options.leapp} with {network}"
+    if options.descriptor is not None:
+        export_descriptor(subject, options.descriptor)
+        beside += f"\n{options.descriptor}"
     difference = export_onnx(subject, out)
     how = f"\n{name} is wrapped onto {env} and not trained there" if subject.wrapped else ""
     text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations{beside}{how}"
     files = {"file": str(out)} | ({} if network is None else {"leapp": str(options.leapp), "leapp_network": str(network)})
+    files |= {} if options.descriptor is None else {"descriptor": str(options.descriptor)}
     return Answer({**files, "difference": difference, "observations": PARITY_ROWS}, text)

@@ -34,13 +34,14 @@ COMMANDS = {
     "export": "a policy as ONNX, recordings as a Minari dataset",
     "import": "a policy of another library as a core",
     "pretrain": "train, check and write a core",
+    "distill": "a core that observes less, or otherwise, from one that observes all",
     "doctor": "check this installation and say what to mend",
 }
 MODULES = {"import": "import_"}
 """Commands whose names Python keeps for itself."""
 
 KEPT = {"train": "; the last checkpoint is intact, --resume goes on from it"} | dict.fromkeys(
-    ("pretrain", "quickstart"), "; the same command goes on from the last checkpoint"
+    ("pretrain", "distill", "quickstart"), "; the same command goes on from the last checkpoint"
 )
 """How a command goes on that a Ctrl-C stopped at once."""
 

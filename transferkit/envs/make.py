@@ -91,7 +91,8 @@ def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbe
         **changes: `mass` and `length` (by body), `gear` (by actuator or its joint), `damping` (by joint), `friction` (sliding,
             by geom), `gravity`: factors. `delay`: control steps by which actions come late. `noise`: standard deviation on
             the observation, in its units, for all elements or by name. `drop_observation`: names or indices of elements that
-            it then lacks. `dead_actuator`: names or indices of actuators without force.
+            it then lacks. `frames`: how many of the latest observations are one, the oldest first. `dead_actuator`: names or
+            indices of actuators without force.
 
     Raises:
         UnknownNameError: nothing of this name can be varied, or the model has no such part.

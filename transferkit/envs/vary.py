@@ -58,7 +58,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         self._kept = np.array([i for i in range(size) if i not in dropped], int)
         if not len(self._kept):
             raise ConfigError("nothing is left to observe", remedy="drop fewer elements", topic="variations")
-        self.observation_space = Box(-np.inf, np.inf, (len(self._kept),), np.float64)
+        self.observation_space = Box(-np.inf, np.inf, (len(self._kept) * self.variation.frames,), np.float64)
+        self._frames: deque[NDArray[np.float64]] = deque(maxlen=self.variation.frames)
         assert isinstance(env.action_space, Box)
         self._idle = np.clip(np.zeros(env.action_space.shape), env.action_space.low, env.action_space.high)
         self._begin(None)
@@ -71,13 +72,16 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         observation, info = self.env.reset(seed=seed, options=options)
         if self._model is not None and self._model.gone:
             raise ConfigError(f"{self.env} makes its model anew in every episode, so it cannot be varied", topic="variations")
-        return self._observed(observation), info
+        first = self._measured(observation)
+        self._frames.extend([first] * self.variation.frames)
+        return self._observed(), info
 
     def step(self, action: NDArray[np.floating]) -> tuple[NDArray[np.float64], Any, bool, bool, dict[str, Any]]:
         """Take the action that is due, and observe with noise."""
         self._late.append(np.asarray(action, np.float64))
         observation, reward, terminated, truncated, info = self.env.step(self._late.popleft())
-        return self._observed(observation), reward, terminated, truncated, info
+        self._frames.append(self._measured(observation))
+        return self._observed(), reward, terminated, truncated, info
 
     def with_more(self, variation: dict[str, Any]) -> Varied:
         """The same environment with more changes, in place of those of the same name."""
@@ -101,7 +105,10 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         for name, amount in self.variation.noise.items():
             self._deviation[self._index(name) if name else slice(None)] = draw(amount, self._rng)
 
-    def _observed(self, raw: NDArray[np.floating]) -> NDArray[np.float64]:
+    def _observed(self) -> NDArray[np.float64]:
+        return np.concatenate(self._frames)
+
+    def _measured(self, raw: NDArray[np.floating]) -> NDArray[np.float64]:
         observation = np.asarray(raw, np.float64)
         if self._deviation.any():
             observation = observation + self._rng.normal(size=observation.shape) * self._deviation

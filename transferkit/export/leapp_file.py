@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import torch
 
 from transferkit.config.checks import check_kind
-from transferkit.envs import derive_spec, open_simulation, opened
+from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError
 from transferkit.export.deployed import Deployed
+from transferkit.export.drives import read_model
 from transferkit.export.onnx_file import exported_policy, onnx_program
 from transferkit.export.ports import ports_of
 from transferkit.files import check_new, new_file
@@ -52,7 +53,7 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     spec = derive_spec(subject.env)
     if without := [actuator.name for actuator in spec.action if actuator.joint is None]:
         raise ConfigError(f"action {without[0]} drives no joint, which LEAPP has no kind for", remedy="leave out {leapp}")
-    if (servo := _servo(subject.env)) is not None:
+    if (servo := _servo(subject.env, spec)) is not None:
         raise ConfigError(
             f"actuator {servo} has gains or a state of its own, and a torque is not what it takes", remedy="leave out {leapp}"
         )
@@ -67,17 +68,11 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     return network
 
 
-def _servo(env: EnvLike) -> str | None:
+def _servo(env: EnvLike, spec: IOSpec) -> str | None:
     """Name the first actuator that is no motor: its force depends on more than its control."""
-    with opened(env) as made:
-        simulation = open_simulation(made)
-        if simulation is None:
-            return None
-        model = simulation.model
-    for k in range(model.nu):
-        if model.actuator_biasprm[k].any() or model.actuator_dyntype[k]:
-            return model.actuator(k).name or f"number {k}"
-    return None
+    model = read_model(env, spec)
+    drives = () if model is None else zip(spec.action, model.drives, strict=True)
+    return next((actuator.model_name for actuator, drive in drives if drive.command != "torque"), None)
 
 
 def _described(deployed: Deployed, spec: IOSpec, file: str, data: bytes, hold: int) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from torch import Tensor, nn
 from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.export.drives import read_model
 from transferkit.files import check_new, new_file
 from transferkit.policy.health import play
 from transferkit.record.format import Names
@@ -121,7 +122,8 @@ def onnx_program(
 
 def _about(subject: Subject, spec: IOSpec) -> dict[str, Any]:
     """What the numbers are, each value as JSON; the keys that mjlab has too are named as there, at full precision."""
-    names = Names.of(spec)
+    names, model = Names.of(spec), read_model(subject.env, spec)
+    gains = {} if model is None else {one.joint: drive for one, drive in zip(spec.action, model.drives, strict=True)}
     driven = [joint for actuator in spec.action for joint in spec.joints if joint.name == actuator.joint]
     return {
         "env": spec.env_id,
@@ -134,6 +136,10 @@ def _about(subject: Subject, spec: IOSpec) -> dict[str, Any]:
         "joints": [asdict(joint) for joint in spec.joints],
         "joint_names": [joint.model_name for joint in driven],
         "default_joint_pos": [joint.reference for joint in driven],
+        "joint_stiffness": [gains[joint.name].stiffness for joint in driven] if gains else [],
+        "joint_damping": [gains[joint.name].damping for joint in driven] if gains else [],
+        "action_scale": [actuator.gear for actuator in spec.action],
+        "command_kinds": [drive.command for drive in gains.values()],
         "command_names": [],
         "time_step": spec.time_step,
         "hold": subject.policy.hold,

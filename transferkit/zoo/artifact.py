@@ -84,14 +84,23 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
     return core
 
 
+def check_unreleased(folder: Path) -> None:
+    """Check that a version is new.
+
+    Raises:
+        ArtifactError: its folder has something in it.
+    """
+    if folder.exists() and any(folder.iterdir()):
+        raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
+
+
 def save_core(core: Core, card: Card, folder: Path) -> Card:
     """Write an artifact into a new folder; returns the card with its hashes.
 
     Raises:
         ArtifactError: the folder exists; a released version is never rewritten.
     """
-    if folder.exists() and any(folder.iterdir()):
-        raise ArtifactError(f"{folder} exists and a released core is never rewritten", remedy="choose a higher {version}")
+    check_unreleased(folder)
     folder.mkdir(parents=True, exist_ok=True)
     flat = {f"{component}/{name}": tensor for component, tensors in core.components.items() for name, tensor in tensors.items()}
     blobs = {WEIGHTS: safetensors.torch.save(flat), PROBE: safetensors.torch.save(_make_probe(core))}

@@ -1,0 +1,154 @@
+"""`distill`: students of all members of a teacher, checked and written as a core."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from transferkit import stats
+from transferkit.config import TrainConfig
+from transferkit.distill.rounds import Rounds
+from transferkit.distill.teacher import Beside, teacher_in, watch
+from transferkit.envs import copies_of, derive_spec
+from transferkit.errors import ArtifactError
+from transferkit.evaluation import evaluate
+from transferkit.files import check_folder
+from transferkit.nn.gaussian import LOG_STD_BOUNDS
+from transferkit.policy.core import Core, stack_members
+from transferkit.run import RECORD
+from transferkit.training import RUNS
+from transferkit.versions import command, versions
+from transferkit.zoo.artifact import check_unreleased, components_card
+from transferkit.zoo.card import Card, Score
+from transferkit.zoo.catalog import find_card
+from transferkit.zoo.release import release
+
+if TYPE_CHECKING:
+    from transferkit.budget import Spent
+    from transferkit.distill.recipe import Recipe
+    from transferkit.envs import EnvLike
+    from transferkit.policy.base import ScratchPolicy
+    from transferkit.record.play import Subject
+    from transferkit.run import Report
+
+EPISODES, SEED = 20, 1
+"""Of the scores, as `pretrain` has them."""
+
+
+@dataclass(frozen=True)
+class Distilled:
+    """A core that was distilled, beside its teacher."""
+
+    card: Card
+    teacher: tuple[float, ...]
+    """Mean return of each member's teacher over the same starts, with its own observations."""
+
+    @property
+    def pairs(self) -> list[tuple[float, float]]:
+        """Mean returns of each student and of its teacher."""
+        return list(zip(self.card.score.members, self.teacher, strict=True))
+
+
+@dataclass(frozen=True)
+class _Student:
+    policy: ScratchPolicy
+    returns: tuple[float, ...]
+    teacher: Subject
+    teacher_return: float
+    spent: Spent
+
+
+def distill(teacher: str, env: EnvLike, recipe: Recipe, *, report: Report | None = None) -> Distilled:
+    """Train a policy that sees less, or something else, to do what one does that sees all (DAgger); write it as a core.
+
+    The teacher plays in the environment that is innermost in `env`, the student through all of its wrappers: a sensor that is
+    dropped, noise, a stack of frames in place of velocities. An interrupted call goes on after its last round.
+
+    Args:
+        teacher: a core's id or folder, or the directory of a finished run.
+        env: the student's environment, in any form that `make_env` takes, such as
+            `HalfCheetah-v5?vary.drop_observation=[8]&vary.frames=4`.
+        recipe: name and budget.
+        report: called after each round with what the member has spent.
+
+    Raises:
+        ArtifactError: the version exists, or a member is below the threshold.
+        ConfigError: the teacher cannot act within this environment, or the folder cannot be written.
+        UnknownNameError: neither a run nor a core has this name.
+    """
+    check_folder(recipe.zoo, "zoo")
+    check_unreleased(recipe.folder)
+    members = _members(teacher, recipe)
+    work = RUNS / "distill" / recipe.folder.name
+    work.mkdir(parents=True, exist_ok=True)
+    spec = derive_spec(env)
+    about = {"teacher": teacher, "env": spec.env_id, "recipe": _plain(recipe)}
+    students = [_student(teacher, env, member, recipe, work, about, report) for member in members]
+    seeds = tuple(recipe.seed if member is None else member for member in members)
+    components = {
+        "policy": stack_members([one.policy.network.state_dict() for one in students]),
+        "normalizer": stack_members([one.policy.normalizer.state_dict() for one in students if one.policy.normalizer]),
+    }
+    core = Core(recipe.folder.name, spec, students[0].policy.network.architecture, seeds, components)
+    card = release(core, _card(teacher, recipe, core, students), recipe.folder)
+    shutil.rmtree(work, ignore_errors=True)
+    return Distilled(card, tuple(one.teacher_return for one in students))
+
+
+def _members(teacher: str, recipe: Recipe) -> Sequence[int | None]:
+    if (Path(teacher) / RECORD).exists() or Path(teacher).is_file():
+        return recipe.members or [None]
+    return range(len(find_card(teacher).seeds)) if recipe.members is None else recipe.members
+
+
+def _student(
+    name: str, env: EnvLike, member: int | None, recipe: Recipe, work: Path, about: dict[str, Any], report: Report | None
+) -> _Student:
+    subject = teacher_in(name, env, member, best=recipe.best)
+    about = about | {"member": member, "by": dict(subject.about or {})}
+    rounds = Rounds(recipe, env, subject.policy, work / f"member{member or 0}.safetensors", about)
+    student = rounds.run(report)
+    student.network.log_std.data.fill_(max(np.log(max(rounds.loss, 1e-12)) / 2, LOG_STD_BOUNDS[0]))
+    returns = evaluate(student, env, episodes=EPISODES, seed=SEED).returns
+    made, watched = watch(copies_of(env))
+    taught = evaluate(Beside(subject.policy, watched), made, episodes=EPISODES, seed=SEED).mean
+    made.close()
+    return _Student(student, returns, subject, taught, rounds.spent)
+
+
+def _card(name: str, recipe: Recipe, core: Core, students: Sequence[_Student]) -> Card:
+    means = tuple(float(np.mean(one.returns)) for one in students)
+    if recipe.threshold is not None and min(means) < recipe.threshold:
+        taught = ", ".join(f"{mean:.1f} of {one.teacher_return:.1f}" for mean, one in zip(means, students, strict=True))
+        raise ArtifactError(
+            f"core {core.id} is refused: the students return {taught}, below the threshold {recipe.threshold:g}",
+            remedy="give more {steps}",
+        )
+    low, high = stats.hierarchical_interval([one.returns for one in students])
+    threshold = min(means) if recipe.threshold is None else recipe.threshold
+    taught = float(np.mean([one.teacher_return for one in students]))
+    return Card(
+        id=core.id,
+        description=f"{name} on other observations: {core.spec.env_id}.",
+        source=core.spec,
+        components=components_card(core),
+        seeds=tuple(core.seeds),
+        score=Score(float(np.mean(means)), low, high, EPISODES, SEED, means, threshold),
+        spent=tuple({"episodes": s.episodes, "steps": s.steps, "seconds": s.seconds} for s in (one.spent for one in students)),
+        command=command(),
+        config=asdict(TrainConfig(core.spec.env_id)),
+        versions=versions(),
+        files={},
+        history=(f"v{recipe.version}: distilled from {name}, which returns {taught:.1f} from the same starts",),
+    )
+
+
+def _plain(recipe: Recipe) -> dict[str, Any]:
+    """What of a recipe makes a student."""
+    given = asdict(replace(recipe, threshold=None, members=None))
+    return {name: list(value) if isinstance(value, tuple) else value for name, value in given.items() if name != "zoo"}
