@@ -20,7 +20,7 @@ SAID = {
         "joint position foot_joint   position of thigh_joint  order",
     ],
     "own_environment.md": ["hinge_y.velocity[t-1]", "reproduced to the bit"],
-    "deploy.md": ["cheetah_leapp.yaml with cheetah_leapp.onnx", "the cheetah is at"],
+    "deploy.md": ["cheetah_leapp.yaml with cheetah_leapp.onnx", "cheetah_io.yaml", "the cheetah is at", "zoo/blind-v1: return"],
     "zoo.md": ["shared_zoo; its index now has the digest", "core_zoo/inverted-pendulum-v1", "is forgotten; what was pulled"],
     "matching.md": [
         "joint hinge_y2 (thigh_joint) = -1 hip",

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from transferkit.config import PPOConfig as PPOConfig
     from transferkit.config import TrainConfig as TrainConfig
     from transferkit.config import WrapConfig as WrapConfig
-    from transferkit.distill import distill as distill
+    from transferkit.distillation import DistillConfig as DistillConfig
+    from transferkit.distillation import distill as distill
     from transferkit.envs import derive_spec as derive_spec
     from transferkit.envs import make_env as make_env
     from transferkit.envs import vary as vary
@@ -81,7 +82,7 @@ _HOMES = {
         "TrainConfig",
         "WrapConfig",
     ),
-    "distill": ("distill",),
+    "distillation": ("DistillConfig", "distill"),
     "envs": ("derive_spec", "make_env", "vary"),
     "errors": (
         "ArtifactError",

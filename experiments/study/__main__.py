@@ -10,6 +10,7 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from experiments.study.crossings import PATH, STUDY, is_current, write_crossings
 from experiments.study.readme import render
 from experiments.study.rooms import find, names
 from transferkit.cli.answer import Parser
@@ -48,6 +49,8 @@ def write(study: Study) -> int:
         from experiments.study.heat_map import draw_heat_map  # noqa: PLC0415 - matplotlib
 
         draw_heat_map(study).savefig(study.folder / "figure.png", dpi=90)
+    if study.folder.name == STUDY:
+        write_crossings(study)
     return 0
 
 
@@ -58,6 +61,9 @@ def check(study: Study) -> int:
     lines = difflib.unified_diff(stands.splitlines(), computed.splitlines(), name, f"{name}, computed", lineterm="", n=0)
     for line in lines:
         print(line)
+    if study.folder.name == STUDY and not is_current(study):
+        print(f"{PATH.name} of the zoo differs from the rows of {STUDY}")
+        return 1
     return int(stands != computed)
 
 

@@ -8,6 +8,7 @@ import safetensors.torch
 import torch
 
 from transferkit import load_core
+from transferkit.cli.main import main
 from transferkit.envs import make_env
 from transferkit.errors import ArtifactError, ConfigError, UnknownNameError
 from transferkit.reading import digest
@@ -54,6 +55,16 @@ def test_a_released_model_predicts_its_own_task(core_id):
     before, actions, after = map(torch.from_numpy, map(np.stack, zip(*steps, strict=True)))
     predicted = core.dynamics().predict(before, actions).next_observation.mean(0)
     assert (predicted - after).square().mean() < 0.1 * (after - before).square().mean()
+
+
+def test_a_damaged_table_of_crossings_is_one_line(copy, capsys):
+    (copy.parent / "crossings.json").write_text('{"study": "zero_shot"')
+    assert main(["zoo", "show", str(copy)]) == 2
+    said = capsys.readouterr().err
+    assert (said.count("\n"), "crossings.json is damaged (not JSON" in said) == (1, True)
+    (copy.parent / "crossings.json").unlink()
+    assert main(["zoo", "show", str(copy)]) == 0
+    assert "Untrained on other" not in capsys.readouterr().out
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ def main(arguments: Sequence[str]) -> Answer:
     flags = parser(
         "distill",
         "Train a policy that observes less, or otherwise, to do what one does that observes all, and write it as a core. "
-        "An interrupted call goes on after its last round. What is not given is as in transferkit.distill.Recipe.",
+        "An interrupted call goes on after its last round. What is not given is as in transferkit.distillation.DistillConfig.",
     )
     flags.add_argument("teacher", metavar="CORE|RUN", help="a core's id or folder, or the directory of a finished run")
     add_environment(flags, "the student's environment; the teacher acts in the innermost one, before any wrapper")
@@ -47,11 +47,11 @@ def main(arguments: Sequence[str]) -> Answer:
 def _answer(options: argparse.Namespace, env: str) -> Answer:
     from transferkit.budget import Budget  # noqa: PLC0415 - torch takes seconds to import
     from transferkit.cli.progress import progress  # noqa: PLC0415
-    from transferkit.distill import Recipe, distill  # noqa: PLC0415
+    from transferkit.distillation import DistillConfig, distill  # noqa: PLC0415
 
-    given: dict[str, Any] = {field.name: getattr(options, field.name) for field in fields(Recipe)}
+    given: dict[str, Any] = {field.name: getattr(options, field.name) for field in fields(DistillConfig)}
     lists: dict[str, Any] = {name: tuple(value) for name, value in given.items() if isinstance(value, list)}
-    recipe = Recipe(**{name: value for name, value in (given | lists).items() if value is not None})
+    recipe = DistillConfig(**{name: value for name, value in (given | lists).items() if value is not None})
     with progress(f"student of {options.teacher}", Budget(steps=recipe.steps)) as report:
         done = distill(options.teacher, env, recipe, report=report)
     score = done.card.score

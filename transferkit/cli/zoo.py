@@ -15,7 +15,8 @@ from transferkit.cli.remote_zoo import REMOTE, SUMMARY, add_remote, cells, list_
 from transferkit.cli.wording import worded
 from transferkit.errors import ConfigError
 from transferkit.table import format_table
-from transferkit.zoo.catalog import core_folders, find_card, list_cards
+from transferkit.zoo.card import read_card
+from transferkit.zoo.catalog import core_folders, find_core, list_cards
 from transferkit.zoo.summary import Summary
 
 if TYPE_CHECKING:
@@ -59,10 +60,13 @@ def _list(options: argparse.Namespace) -> Answer:
 
 
 def _show(options: argparse.Namespace) -> Answer:
-    from transferkit.zoo.readme import render  # noqa: PLC0415 - the list, which must be instant, needs none
+    from transferkit.zoo.crossings import read_crossings  # noqa: PLC0415 - the list, which must be instant, needs none
+    from transferkit.zoo.readme import render  # noqa: PLC0415
 
-    card = find_card(options.id)
-    return Answer(card.to_json(), render(card))
+    folder = find_core(options.id)
+    card, crossings = read_card(folder), read_crossings(folder.parent)
+    known = [] if crossings is None else [asdict(one) for one in crossings.cores.get(card.id, ())]
+    return Answer({**card.to_json(), "untrained": known}, render(card, crossings))
 
 
 def _find(options: argparse.Namespace) -> Answer:

@@ -16,7 +16,7 @@ ENVS = 5
 
 
 @dataclass(frozen=True)
-class Recipe:
+class DistillConfig:
     """A student to train, as a core with one member for each of its teacher."""
 
     name: str

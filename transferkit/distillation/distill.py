@@ -12,8 +12,8 @@ import numpy as np
 
 from transferkit import stats
 from transferkit.config import TrainConfig
-from transferkit.distill.rounds import Rounds
-from transferkit.distill.teacher import Beside, teacher_in, watch
+from transferkit.distillation.rounds import Rounds
+from transferkit.distillation.teacher import Beside, teacher_in, watch
 from transferkit.envs import copies_of, derive_spec
 from transferkit.errors import ArtifactError
 from transferkit.evaluation import evaluate
@@ -30,7 +30,7 @@ from transferkit.zoo.release import release
 
 if TYPE_CHECKING:
     from transferkit.budget import Spent
-    from transferkit.distill.recipe import Recipe
+    from transferkit.distillation.config import DistillConfig
     from transferkit.envs import EnvLike
     from transferkit.policy.base import ScratchPolicy
     from transferkit.record.play import Subject
@@ -63,7 +63,7 @@ class _Student:
     spent: Spent
 
 
-def distill(teacher: str, env: EnvLike, recipe: Recipe, *, report: Report | None = None) -> Distilled:
+def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report | None = None) -> Distilled:
     """Train a policy that sees less, or something else, to do what one does that sees all (DAgger); write it as a core.
 
     The teacher plays in the environment that is innermost in `env`, the student through all of its wrappers: a sensor that is
@@ -100,14 +100,14 @@ def distill(teacher: str, env: EnvLike, recipe: Recipe, *, report: Report | None
     return Distilled(card, tuple(one.teacher_return for one in students))
 
 
-def _members(teacher: str, recipe: Recipe) -> Sequence[int | None]:
+def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
     if (Path(teacher) / RECORD).exists() or Path(teacher).is_file():
         return recipe.members or [None]
     return range(len(find_card(teacher).seeds)) if recipe.members is None else recipe.members
 
 
 def _student(
-    name: str, env: EnvLike, member: int | None, recipe: Recipe, work: Path, about: dict[str, Any], report: Report | None
+    name: str, env: EnvLike, member: int | None, recipe: DistillConfig, work: Path, about: dict[str, Any], report: Report | None
 ) -> _Student:
     subject = teacher_in(name, env, member, best=recipe.best)
     about = about | {"member": member, "by": dict(subject.about or {})}
@@ -121,7 +121,7 @@ def _student(
     return _Student(student, returns, subject, taught, rounds.spent)
 
 
-def _card(name: str, recipe: Recipe, core: Core, students: Sequence[_Student]) -> Card:
+def _card(name: str, recipe: DistillConfig, core: Core, students: Sequence[_Student]) -> Card:
     means = tuple(float(np.mean(one.returns)) for one in students)
     if recipe.threshold is not None and min(means) < recipe.threshold:
         taught = ", ".join(f"{mean:.1f} of {one.teacher_return:.1f}" for mean, one in zip(means, students, strict=True))
@@ -148,7 +148,7 @@ def _card(name: str, recipe: Recipe, core: Core, students: Sequence[_Student]) -
     )
 
 
-def _plain(recipe: Recipe) -> dict[str, Any]:
+def _plain(recipe: DistillConfig) -> dict[str, Any]:
     """What of a recipe makes a student."""
     given = asdict(replace(recipe, threshold=None, members=None))
     return {name: list(value) if isinstance(value, tuple) else value for name, value in given.items() if name != "zoo"}

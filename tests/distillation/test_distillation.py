@@ -9,9 +9,9 @@ import torch
 
 from tests.cli.commands import run, run_json
 from transferkit import evaluate, load_core
-from transferkit.distill import Recipe, distill
-from transferkit.distill.student import imitation_loss
-from transferkit.distill.teacher import watch
+from transferkit.distillation import DistillConfig, distill
+from transferkit.distillation.student import imitation_loss
+from transferkit.distillation.teacher import watch
 from transferkit.errors import ArtifactError, ConfigError, RunDirectoryError, SettingError
 
 BLIND = "InvertedPendulum-v5?max_episode_steps=100&vary.drop_observation=[2,3]&vary.frames=3"
@@ -65,12 +65,12 @@ def test_a_killed_call_goes_on_to_the_bit():
         if spent.steps == 1000:
             raise KeyboardInterrupt
 
-    whole = distill("inverted-pendulum-v2", BLIND, Recipe("whole", **QUICK))
+    whole = distill("inverted-pendulum-v2", BLIND, DistillConfig("whole", **QUICK))
     with pytest.raises(KeyboardInterrupt):
-        distill("inverted-pendulum-v2", BLIND, Recipe("cut", **QUICK), report=stop)
+        distill("inverted-pendulum-v2", BLIND, DistillConfig("cut", **QUICK), report=stop)
     with pytest.raises(RunDirectoryError, match="of another distillation of this name; delete it"):
-        distill("inverted-pendulum-v2", BLIND, Recipe("cut", **QUICK | {"lr": 1e-4}))
-    cut = distill("inverted-pendulum-v2", BLIND, Recipe("cut", **QUICK))
+        distill("inverted-pendulum-v2", BLIND, DistillConfig("cut", **QUICK | {"lr": 1e-4}))
+    cut = distill("inverted-pendulum-v2", BLIND, DistillConfig("cut", **QUICK))
     assert cut.card.files == whole.card.files
     assert asdict(cut.card.score) == asdict(whole.card.score)
     assert cut.card.spent[0]["steps"] == 1500
@@ -78,11 +78,11 @@ def test_a_killed_call_goes_on_to_the_bit():
 
 def test_what_cannot_be_distilled_is_one_line(capsys):
     with pytest.raises(ConfigError, match="so a teacher there has others than its student; leave out what changes actions"):
-        distill("inverted-pendulum-v2", scaled_outside, Recipe("a", **QUICK))
+        distill("inverted-pendulum-v2", scaled_outside, DistillConfig("a", **QUICK))
     with pytest.raises(ArtifactError, match="below the threshold 2000; give more steps"):
-        distill("inverted-pendulum-v2", BLIND, Recipe("b", threshold=2000, **QUICK))
+        distill("inverted-pendulum-v2", BLIND, DistillConfig("b", threshold=2000, **QUICK))
     with pytest.raises(SettingError, match="steps=10 must be at least 5 in each of 3 rounds"):
-        Recipe("c", steps=10, rounds=3)
+        DistillConfig("c", steps=10, rounds=3)
     code, _, said = run(capsys, "distill", "inverted-pendulum-v2", "--env", BLIND)
     assert (code, said.count("\n")) == (2, 1)
     assert "a student needs a name and an environment" in said

@@ -12,9 +12,9 @@ import torch
 from torch import Tensor
 
 from transferkit.budget import Spent
-from transferkit.distill.recipe import ENVS
-from transferkit.distill.student import learn
-from transferkit.distill.teacher import watch
+from transferkit.distillation.config import ENVS
+from transferkit.distillation.student import learn
+from transferkit.distillation.teacher import watch
 from transferkit.envs import VectorEnv, copies_of, dims
 from transferkit.errors import RunDirectoryError
 from transferkit.files import damaged_run
@@ -26,8 +26,8 @@ from transferkit.streams import Streams
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from transferkit.distill.recipe import Recipe
-    from transferkit.distill.teacher import Watched
+    from transferkit.distillation.config import DistillConfig
+    from transferkit.distillation.teacher import Watched
     from transferkit.envs import EnvLike
     from transferkit.policy.base import Policy
     from transferkit.run import Report
@@ -52,7 +52,7 @@ class Seen:
 class Rounds:
     """The rounds of one member, which go on where a killed process stopped."""
 
-    def __init__(self, recipe: Recipe, env: EnvLike, teacher: Policy, path: Path, about: dict[str, Any]) -> None:
+    def __init__(self, recipe: DistillConfig, env: EnvLike, teacher: Policy, path: Path, about: dict[str, Any]) -> None:
         """Take the student's environment, the teacher, the file of the state between rounds, and what makes the result."""
         self.recipe, self.teacher, self.path, self.about = recipe, teacher, path, about
         make = copies_of(env)
