@@ -106,7 +106,7 @@ def import_core(
     """Make a core of a policy that another library trained; nothing of its file is run.
 
     Args:
-        file: of Stable-Baselines3 (zip), SBX (flax's msgpack), rsl_rl, CleanRL (both torch's), or ONNX.
+        file: of Stable-Baselines3 or SBX (zip, or flax's msgpack), rsl_rl, CleanRL (both torch's), or ONNX.
         env: the environment that it was trained in, in any form that `make_env` takes.
         name: write it into `zoo` as `<name>-v<version>`; without a name it stays in memory.
         version: of the artifact.

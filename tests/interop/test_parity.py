@@ -180,6 +180,32 @@ def test_onnx_of_our_own_export(tmp_path, squash):
     assert np.abs(core.policy().act(observation) - policy.act(observation)).max() <= 1e-5
 
 
+@pytest.mark.parametrize("kind", ["PPO", "SAC", "TD3"])
+def test_a_zip_of_sbx_without_sbx(tmp_path, kind):
+    """A pickle of the same classes, which is read as data."""
+    actor = writers.dense(4, 16, 8, 1)
+    if kind == "SAC":
+        actor["Dense_3"] = writers.dense(8, 1, seed=1)["Dense_0"]
+    elif kind == "PPO":
+        actor["log_std"] = np.full(1, -0.5)
+    path = writers.sbx_zip(tmp_path / "m.zip", {"actor": actor})
+    core = core_of(path, stats="none", **({"action_scale": 1.0} if kind == "PPO" else {}))
+    act = torch.tanh if kind == "PPO" else torch.relu
+
+    def original(observation):
+        x = torch.from_numpy(observation).double()
+        for k in range(3):
+            x = x @ torch.from_numpy(actor[f"Dense_{k}"]["kernel"]) + torch.from_numpy(actor[f"Dense_{k}"]["bias"])
+            x = act(x) if k < 2 else x
+        return (x if kind == "PPO" else 3 * torch.tanh(x)).numpy()
+
+    assert difference(core, original) <= 1e-5
+    custom = writers.sbx_zip(
+        tmp_path / "n.zip", {"actor": actor}, policy_kwargs={"activation_fn": "<PjitFunction of <function silu at 0x7f>>"}
+    )
+    assert core_of(custom, stats="none", **({"action_scale": 1.0} if kind == "PPO" else {})).architecture.activation == "silu"
+
+
 @pytest.mark.skipif(importlib.util.find_spec("sbx") is None, reason="sbx is in the bench extra")
 @pytest.mark.parametrize("algo", ["PPO", "SAC", "TD3", "DDPG"])
 def test_sbx(tmp_path, algo):
@@ -195,8 +221,12 @@ def test_sbx(tmp_path, algo):
         state["qf"] = model.policy.qf_state.params
     (tmp_path / "m.msgpack").write_bytes(flax.serialization.to_bytes(state))
     activation = "tanh" if algo == "PPO" else "relu"
-    core = core_of(tmp_path / "m.msgpack", stats="none", activation=activation)
-    assert difference(core, lambda o: model.predict(o, deterministic=True)[0]) <= 1e-5
+    model.save(tmp_path / "m.zip")
+    for core in (
+        core_of(tmp_path / "m.msgpack", stats="none", activation=activation),
+        core_of(tmp_path / "m.zip", stats="none"),
+    ):
+        assert difference(core, lambda o: model.predict(o, deterministic=True)[0]) <= 1e-5
     if algo != "PPO":
         qf = model.policy.qf_state
         values = lambda o, a: torch.from_numpy(np.array(qf.apply_fn(qf.params, o.numpy(), a.numpy())))  # noqa: E731

@@ -91,6 +91,7 @@ def test_a_planted_pickle_never_runs(tmp_path, planted, sb3_zip, checkpoint):
         "infos.pt": tmp_path / "infos.pt",
         "weights.zip": rewritten(sb3_zip, tmp_path / "weights.zip", lambda _: {"policy.pth": saved({"x": planted})}),
         "older.zip": rewritten(sb3_zip, tmp_path / "older.zip", lambda _: {"policy.pth": pickle.dumps(planted)}),
+        "sbx.zip": writers.sbx_zip(tmp_path / "sbx.zip", {"actor": {}}, planted=planted),
         "bare.pt": tmp_path / "bare.pt",
         "cleanrl.cleanrl_model": tmp_path / "cleanrl.cleanrl_model",
     }
@@ -117,6 +118,20 @@ def test_pickles_in_the_data_of_stable_baselines3_are_never_opened(tmp_path, pla
 
     core = import_core(rewritten(sb3_zip, tmp_path / "m.zip", everywhere), env=ENV, stats="none")
     assert core.architecture.hidden == (16, 16)
+    assert not planted.path.exists()
+
+
+def test_an_activation_of_jax_that_torch_has_otherwise_is_asked_for(tmp_path):
+    for said in ("<function gelu at 0x7f>", "<jax._src.custom_derivatives.custom_jvp object at 0x7f>"):
+        kwargs = {"activation_fn": said}
+        path = writers.sbx_zip(tmp_path / "m.zip", {"actor": writers.dense(4, 3, 1)}, policy_kwargs=kwargs)
+        refused(path, "does not say the activation", error=ConfigError)
+
+
+def test_what_a_zip_of_sbx_refers_to_is_never_run(tmp_path, planted):
+    path = writers.sbx_zip(tmp_path / "m.zip", {"actor": writers.dense(4, 3, 1)}, planted=planted)
+    core = import_core(path, env=ENV, stats="none")
+    assert core.architecture.hidden == (3,)
     assert not planted.path.exists()
 
 
@@ -171,6 +186,7 @@ def samples(tmp_path_factory, sb3_zip, checkpoint):
     arrays = {"actor": {"params": {f"Dense_{k}": layer for k, layer in enumerate(dense)}}}
     (folder / "m.msgpack").write_bytes(msgspec.msgpack.encode(arrays, enc_hook=flax_array))
     every = {sb3_zip: {"stats": "none"}, checkpoint: {"activation": "elu", "action_scale": 1.0}}
+    every |= {writers.sbx_zip(folder / "x.zip", {"actor": writers.dense(4, 3, 1)}): {"stats": "none"}}
     every |= {folder / "m.cleanrl_model": {"stats": "none"}, folder / "m.msgpack": {"activation": "relu", "stats": "none"}}
     if importlib.util.find_spec("onnx"):
         writers.write_onnx(writers.Front(4, 1, torch.nn.ReLU()), 4, folder / "m.onnx")

@@ -1,5 +1,14 @@
 """Files as other libraries write them, each with what its policy does."""
 
+import base64
+import itertools
+import json
+import pickle
+import sys
+import types
+import zipfile
+from unittest import mock
+
 import gymnasium
 import numpy as np
 import torch
@@ -104,3 +113,52 @@ def write_onnx(module, obs_dim, path):
 def observations(dim, spread=2.0):
     """1,000 observations."""
     return np.random.default_rng(0).normal(0, spread, (1000, dim)).astype(np.float32)
+
+
+class JaxArray:
+    """An array as jax pickles it: by a function of jax, with numpy's state."""
+
+    def __init__(self, value):
+        self.value = np.asarray(value, np.float32)
+
+    def __reduce__(self):
+        make, arguments, state = self.value.__reduce__()
+        return sys.modules["jax._src.array"]._reconstruct_array, (make, arguments, state, {"weak_type": False})
+
+
+def sbx_zip(path, params, *, policy_kwargs=None, planted=None):
+    """A zip as SBX saves it: nested tables of arrays, by `actor` and `qf`, in a pickle of classes that are not here."""
+    names = {"jax._src.array": "_reconstruct_array", "flax.training.train_state": "TrainState", "sbx.sac.policies": "SACPolicy"}
+    modules = {name: types.ModuleType(name) for name in ("jax", "jax._src", "flax", "flax.training", "sbx", "sbx.sac", *names)}
+    for module, name in names.items():
+        made = type(name, (), {"__module__": module, "__qualname__": name})
+        setattr(modules[module], name, made)
+    with mock.patch.dict(sys.modules, modules):
+        policy = modules["sbx.sac.policies"].SACPolicy()
+        for name, tree in params.items():
+            state = modules["flax.training.train_state"].TrainState()
+            state.params, state.apply_fn = {"params": _jax(tree)}, planted
+            setattr(policy, f"{name}_state", state)
+        blob = base64.b64encode(pickle.dumps(policy)).decode()
+    data = {
+        "policy_kwargs": policy_kwargs,
+        "num_timesteps": 40,
+        "use_sde": False,
+        "action_space": {":type:": "<class 'gymnasium.spaces.box.Box'>", "low": "[-3.]", "high": "[3.]"},
+        "policy": {":type:": "<class 'sbx.sac.policies.SACPolicy'>", ":serialized:": blob},
+    }
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("data", json.dumps(data))
+        archive.writestr("_stable_baselines3_version", "2.9.2")
+    return path
+
+
+def _jax(tree):
+    return {key: _jax(value) for key, value in tree.items()} if isinstance(tree, dict) else JaxArray(tree)
+
+
+def dense(*widths, seed=0):
+    """Layers of flax by name, with small random weights."""
+    rng = np.random.default_rng(seed)
+    named = enumerate(itertools.pairwise(widths))
+    return {f"Dense_{k}": {"kernel": rng.normal(size=pair) / 2, "bias": rng.normal(size=pair[1])} for k, pair in named}

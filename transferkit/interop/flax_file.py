@@ -36,6 +36,15 @@ def read_flax(data: bytes) -> Foreign:
         raise
     except (msgspec.MsgspecError, ValueError, TypeError, RecursionError, OverflowError) as error:
         raise FormatError(f"not msgpack of flax: {' '.join(str(error).split())[:100]}") from None
+    return foreign_of(saved)
+
+
+def foreign_of(saved: object) -> Foreign:
+    """Take the parameters of `actor`, and of `qf` if there are any, as tensors in nested tables.
+
+    Raises:
+        FormatError: they are not those of a plain MLP.
+    """
     actor = _params(saved, "actor")
     layers, log_std = _dense(actor), actor.get("log_std")
     if not layers:

@@ -1,12 +1,13 @@
 """Stable-Baselines3's zip files: PPO, A2C, SAC, TD3 and DDPG.
 
-Weights are `policy.pth`. Of `data` only plain JSON is taken: the pickles in it are never opened.
+Weights are `policy.pth`. Of `data` only plain JSON is taken: the pickles in it are never opened, but for SBX's weights.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from transferkit.interop.archive import Archive
@@ -35,7 +36,7 @@ def read_sb3(archive: Archive) -> Foreign:
     data = parse(archive.read(DATA), dict[str, Any])
     version = archive.read(VERSION).decode("ascii", "replace")[:40].strip()
     if WEIGHTS not in archive.names:
-        raise FormatError(SBX)
+        return _of_sbx(data)
     inner = Archive(archive.read(WEIGHTS))
     state = read_torch(inner) if is_torch(inner) else None
     if not isinstance(state, Mapping):
@@ -45,10 +46,13 @@ def read_sb3(archive: Archive) -> Foreign:
     return (_on_policy if on_policy else _off_policy)(state, data, f"Stable-Baselines3 {version}")
 
 
-SBX = (
-    "it is SBX's, whose weights lie in a pickle that holds code; write them from SBX with flax.serialization.to_bytes, as "
-    "docs/bring_your_policy.md shows"
-)
+def _of_sbx(data: Mapping[str, Any]) -> Foreign:
+    from transferkit.interop.sbx_file import activation_of, read_sbx  # noqa: PLC0415 - of few files
+
+    _check({}, data)
+    found = read_sbx(data)
+    activation, usual = activation_of(found, data.get("policy_kwargs"))
+    return replace(found, activation=activation, usual=usual, bounds=_bounds(data), steps=_steps(data))
 
 
 def _check(state: Mapping[str, Any], data: Mapping[str, Any]) -> None:

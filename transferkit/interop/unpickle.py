@@ -41,10 +41,18 @@ class Inert:
         """Forget elements."""
 
 
+class Mute(Inert):
+    """A stand-in for a function too, whose results are such again."""
+
+    def __call__(self, *args: object, **kwargs: object) -> Mute:
+        """Stand for a result."""
+        return Mute(*args, **kwargs)
+
+
 def unpickle(
     data: bytes,
     makers: Mapping[str, Any],
-    inert: Collection[str],
+    inert: Collection[str] | None,
     persistent: Callable[[Any], Any] | None = None,
 ) -> Any:  # noqa: ANN401 - whatever data it holds
     """Read a pickle.
@@ -52,7 +60,7 @@ def unpickle(
     Args:
         data: all of it.
         makers: what stands for a name of it, `module.name`.
-        inert: packages whose other names become stand-ins.
+        inert: packages whose other names become stand-ins; None for all, and also for what they would have made.
         persistent: makes what stands outside of the pickle.
 
     Raises:
@@ -70,7 +78,7 @@ def unpickle(
 
 class _Reader(pickle.Unpickler):
     def __init__(
-        self, data: bytes, makers: Mapping[str, Any], inert: Collection[str], persistent: Callable[[Any], Any] | None
+        self, data: bytes, makers: Mapping[str, Any], inert: Collection[str] | None, persistent: Callable[[Any], Any] | None
     ) -> None:
         super().__init__(io.BytesIO(data))
         self._makers, self._inert, self._persistent = makers, inert, persistent
@@ -79,6 +87,8 @@ class _Reader(pickle.Unpickler):
         full = f"{module}.{name}"
         if full in self._makers:
             return self._makers[full]
+        if self._inert is None:
+            return type("Mute", (Mute,), {"name": full})
         if module.partition(".")[0] in self._inert:
             return type("Inert", (Inert,), {"name": full})
         raise FormatError(f"it refers to {full}, which is not data; nothing of it was run")

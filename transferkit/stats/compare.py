@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import permutation_test
 
 from transferkit.stats.intervals import CONFIDENCE, RESAMPLES, crossed_interval, generator_or_fixed
 
@@ -44,6 +43,8 @@ def sign_flip_p(differences: ArrayLike) -> float:
 
     Exact up to 13 pairs, of random flips beyond (Fisher 1935; `scipy.stats.permutation_test`).
     """
+    from scipy.stats import permutation_test  # noqa: PLC0415 - takes half a second to import
+
     values = np.asarray(differences, float)
     if values.size == 1:  # which scipy refuses
         return 0.5 if values[0] > 0 else 1.0
