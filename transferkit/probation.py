@@ -86,7 +86,8 @@ def _judge(own: Sequence[Episode], core: Sequence[float], zero: Sequence[float])
         return True, "not known to be better than doing nothing: no pair of episodes ended within a tenth of the budget"
     p = stats.sign_flip_p(np.subtract(core[:count], zero))
     better = p < ALPHA or p == 0.5**count  # the least that so many pairs can have
-    means = f"mean return {np.mean(core[:count]):.4g} against {np.mean(zero):.4g} over {count} pairs of episodes, p {p:.2g}"
+    pairs = f"{count} pair{'s' * (count != 1)}"
+    means = f"mean return {np.mean(core[:count]):.4g} against {np.mean(zero):.4g} over {pairs} of episodes, p {p:.2g}"
     return better, f"{'better' if better else 'not clearly better'} than doing nothing: {means}"
 
 

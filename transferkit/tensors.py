@@ -43,7 +43,7 @@ def parse_tensors(blob: bytes) -> tuple[dict[str, Tensor], dict[str, str]]:
     if recorded is not None and recorded != _digest(header, data):
         raise FormatError("it was changed: its checksum does not fit")
     try:
-        tensors = safetensors.torch.load(blob)
+        tensors = dict(sorted(safetensors.torch.load(blob).items()))  # whose order is chance
     except (safetensors.SafetensorError, KeyError, ValueError, TypeError, RuntimeError, OverflowError) as error:
         raise FormatError(f"not safetensors: {' '.join(str(error).split())}") from None
     for name, tensor in tensors.items():

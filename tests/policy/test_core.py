@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import pytest
 import torch
 
 from transferkit.errors import ConfigError, SettingError
 from transferkit.nn import Linear
+from transferkit.tensors import dump_tensors, parse_tensors
 
 
 def test_controls_keep_what_they_claim_to_keep(untrained_core):
@@ -15,6 +18,19 @@ def test_controls_keep_what_they_claim_to_keep(untrained_core):
     assert isinstance(random.network(1).mean_head, Linear)
     for control in (shuffled, random):
         assert torch.equal(control.components["normalizer"]["mean"], untrained_core.components["normalizer"]["mean"])
+
+
+def test_a_shuffled_core_is_the_same_in_whatever_order_its_file_was_read(full_core):
+    turned = {name: dict(reversed(tensors.items())) for name, tensors in full_core.components.items()}
+    one, other = full_core.shuffled(3), replace(full_core, components=turned).shuffled(3)
+    for component, tensors in one.components.items():
+        assert all(torch.equal(tensor, other.components[component][name]) for name, tensor in tensors.items()), component
+
+
+def test_tensors_are_read_in_the_order_of_their_names():
+    names = [f"{k}.weight" for k in range(40)]
+    blob = dump_tensors({name: torch.zeros(2) for name in reversed(names)}, {})
+    assert list(parse_tensors(blob)[0]) == sorted(names)
 
 
 def test_controls_share_no_trained_weights(full_core):

@@ -76,7 +76,8 @@ def _add(options: argparse.Namespace) -> Answer:
     index, digest = refresh(root)
     remember(root)
     data = {"url": root.url, "cores": list(index.cores), "digest": digest}
-    return Answer(data, f"{root.url} has {len(index.cores)} cores; its index has the digest {digest}")
+    count = f"{len(index.cores)} core{'s' * (len(index.cores) != 1)}"
+    return Answer(data, f"{root.url} has {count}; its index has the digest {digest}")
 
 
 def _digest(text: str | None) -> str | None:

@@ -113,12 +113,15 @@ class Core:
         return replace(self, id=f"{self.id} (random)", components=components)
 
     def shuffled(self, seed: int) -> Core:
-        """Make the control that shares every layer's distribution of weights: each tensor permuted within itself."""
+        """Make the control that shares every layer's distribution of weights: each tensor permuted within itself.
+
+        The tensors are drawn for in the order of their names, so that a seed always gives the same.
+        """
         generator = Streams(seed).torch("shuffled core")
         components = dict(self.components)
         for name in ("policy", *self.ensembles):
             tensors = self.components[name]
-            permuted = {key: _permute(tensor, generator) for key, tensor in tensors.items() if not _is_statistic(key)}
+            permuted = {key: _permute(tensors[key], generator) for key in sorted(tensors) if not _is_statistic(key)}
             components[name] = {**tensors, **permuted}
         return replace(self, id=f"{self.id} (shuffled)", components=components)
 

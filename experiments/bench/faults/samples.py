@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.bench.faults.cores import cores
+from experiments.bench.faults.foreign import foreign
 from experiments.bench.faults.mutate import PLANTED
 from experiments.bench.faults.recordings import recordings
 from experiments.bench.faults.runs import cells, runs
@@ -27,4 +28,5 @@ def formats(scratch: Path) -> list[Format]:
         cells(scratch / "cells"),
         *recordings(scratch),
         *texts(scratch),
+        *foreign(scratch / "foreign"),
     ]
