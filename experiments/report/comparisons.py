@@ -93,6 +93,12 @@ class Group:
         return replace(found, reason=reason)
 
     @functools.cached_property
+    def verdict_of_members(self) -> str:
+        """The verdict on the members as they are, whose means over members are compared: the seeds alone are a sample."""
+        ends, areas = ({name: values.mean(axis=0)[None] for name, values in one.items()} for one in (self.scores, self.areas))
+        return judge(ends, areas, span=self.span, refused=self.refused).kind
+
+    @functools.cached_property
     def own_task(self) -> bool:
         """Whether the core was trained on the target; False if the core is not here."""
         card = card_of(self.core) if self.core else None

@@ -41,6 +41,6 @@ def rung_of(source: str, target: str) -> str:
     """The rung on which a core of a source environment stands on a target."""
     one, other = EnvId.read(source), EnvId.read(target)
     if one.id == other.id and (one.variation or other.variation):
-        reshaped = {"drop_observation", "dead_actuator"} & {*one.variation, *other.variation}
+        reshaped = {"drop_observation", "frames", "dead_actuator"} & {*one.variation, *other.variation}
         return RESHAPED if reshaped else CHANGED
     return next((rung for rung, pairs in RUNGS.items() if (source, target) in pairs), OTHER)

@@ -146,6 +146,7 @@ def verdict_rows(groups: Sequence[Group]) -> list[TableRow]:
             "trainer": group.trainer,
             "core": group.core,
             "verdict": group.verdict.kind,
+            "verdict_of_members": group.verdict_of_members,
             "own_task": group.own_task,
             "reason": group.verdict.reason,
             "rung": group.rung,

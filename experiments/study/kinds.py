@@ -11,6 +11,7 @@ from experiments.report.tables import arm_rows, mean_interval
 from experiments.report.verdict import NONE, SCRATCH, TRANSFER, paired
 from experiments.study.cells import CELLS, by_member, difference, interval, short, whole
 from experiments.study.rooms import StudyError
+from experiments.study.rungs import rungs
 from transferkit import stats
 
 if TYPE_CHECKING:
@@ -161,6 +162,7 @@ KINDS: Mapping[str, Callable[..., Lines]] = {
     "cores": cores,
     "untrained": untrained,
     "kept": kept,
+    "rungs": rungs,
     "published": published,
 }
 
@@ -225,5 +227,6 @@ def _paired(group: Group, arm: str, measure: str) -> stats.Difference:
 
 
 def _verdict(group: Group) -> str:
-    kind = group.verdict.kind if group.verdict.kind == NONE else f"**{group.verdict.kind}**"
-    return f"{kind}, own task" if group.own_task else kind
+    kind, members = (one if one == NONE else f"**{one}**" for one in (group.verdict.kind, group.verdict_of_members))
+    said = kind if members == kind else f"{kind}; of these members {members}"
+    return f"{said}, own task" if group.own_task else said

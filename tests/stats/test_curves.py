@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from transferkit.stats import area, asymptote, data_efficiency, jumpstart, steps_to_threshold
+from transferkit.stats import area, asymptote, data_efficiency, data_efficiency_interval, jumpstart, steps_to_threshold
 
 
 def test_curves():
@@ -12,6 +12,17 @@ def test_curves():
     assert asymptote([0, 500, 900, 1000], [0.0, 1.0, 2.0, 4.0]) == 3
     assert steps_to_threshold(axis, values, 25) == 200
     assert steps_to_threshold(axis, values, 31) == float("inf")
+
+
+def test_the_interval_of_data_efficiency_is_over_seeds():
+    inf = float("inf")
+    assert data_efficiency_interval([400, 400, 400], [[100, 100, 100], [200, 200, 200]]) == pytest.approx(
+        (400 / 150, 400 / 150)
+    )
+    low, high = data_efficiency_interval([200, 400, 800, inf], [[100, 100, 100, 100]])
+    assert low == 2
+    assert high == inf
+    assert np.isnan(data_efficiency_interval([inf, inf], [[inf, inf]])).all()
 
 
 def test_data_efficiency_keeps_runs_that_never_get_there():

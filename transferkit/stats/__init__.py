@@ -8,7 +8,7 @@ from transferkit.stats.compare import (
     probability_of_improvement,
     sign_flip_p,
 )
-from transferkit.stats.curves import area, asymptote, data_efficiency, jumpstart, steps_to_threshold
+from transferkit.stats.curves import area, asymptote, data_efficiency, data_efficiency_interval, jumpstart, steps_to_threshold
 from transferkit.stats.intervals import (
     crossed_band,
     crossed_interval,
@@ -28,6 +28,7 @@ __all__ = [
     "crossed_band",
     "crossed_interval",
     "data_efficiency",
+    "data_efficiency_interval",
     "hierarchical_interval",
     "holm_differences",
     "iqm",

@@ -1,0 +1,84 @@
+"""A line for every rung of the ladder: what a core saved, whether it cost anything, and the verdict."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.report.ladder import ORDER
+from experiments.report.verdict import SCRATCH, TRANSFER
+from experiments.study.cells import difference, short, whole
+from transferkit import stats
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from experiments.report.comparisons import Group
+    from experiments.report.curves import Array
+    from experiments.study.rooms import Study
+
+HEADER = (
+    *("rung", "core on target", "area: core, scratch", "core minus scratch"),
+    *("end: core, scratch", "core minus scratch", "below scratch's lower quartile", "steps saved"),
+)
+
+
+def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
+    """Every comparison with a core, rung by rung; of these trainers, or of all.
+
+    *Steps saved* is how many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over
+    seeds. The threshold is halfway from scratch, its mean start or its mean end, whichever is higher, to the core's mean end.
+    """
+    groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
+    groups.sort(key=lambda group: (ORDER.index(group.rung), group.target))
+    return [[*HEADER, "verdict"], *([*_cells(study, group), _verdict(group)] for group in groups)]
+
+
+def _cells(study: Study, group: Group) -> list[str]:
+    pairs = [_pair(values) for values in (group.areas, group.scores)]
+    area, end = (difference(found) for found in (group.verdict.gained, group.verdict.scratch))
+    name = f"`{group.core}` on {short(group.target)}"
+    return [group.rung, name, pairs[0], area, pairs[1], end, _worse(group), _saved(study, group)]
+
+
+def _pair(scores: dict[str, Array]) -> str:
+    return ", ".join(whole(float(np.nanmean(scores[name]))) for name in (TRANSFER, SCRATCH))
+
+
+def _worse(group: Group) -> str:
+    """Share of the core's runs that end below the lower quartile of scratch's."""
+    ends = group.scores
+    return f"{np.mean(ends[TRANSFER] < np.quantile(ends[SCRATCH], 0.25)):.0%}"
+
+
+def _saved(study: Study, group: Group) -> str:
+    """The data-efficiency multiplier; scratch's runs that never get there count with all of their steps, so it is more."""
+    alone = max(float(np.nanmean(group.measured(name)[SCRATCH])) for name in ("first_return_mean", "eval_return_mean"))
+    threshold = (alone + float(np.nanmean(group.scores[TRANSFER]))) / 2
+    core, needed = (_needed(study, group, name, threshold) for name in (TRANSFER, SCRATCH))
+    least = _needed(study, group, SCRATCH, threshold, censored=True)[0]
+    times = stats.data_efficiency(least, core)
+    low, high = stats.data_efficiency_interval(least, core)
+    sign = "> " if np.isinf(np.median(needed)) else ""
+    return f"{sign}{times:.2g} ({low:.2g} to {high:.2g}) to {whole(threshold)}"
+
+
+def _needed(study: Study, group: Group, arm: str, threshold: float, *, censored: bool = False) -> Array:
+    """Steps to the threshold, `(members, seeds)`; if a run never gets there infinite, or `censored` all that it had."""
+    rows = group.arms[arm].rows
+    members, seeds = (sorted({getattr(row, key) for row in rows}) for key in ("member", "seed"))
+    found = np.full((len(members), len(seeds)), math.inf)
+    for row in rows:
+        steps, returns = ([point[key] for point in study.curves[row.id]] for key in ("steps", "return_mean"))
+        reached = stats.steps_to_threshold(steps, returns, threshold)
+        found[members.index(row.member), seeds.index(row.seed)] = min(reached, steps[-1]) if censored else reached
+    return found
+
+
+def _verdict(group: Group) -> str:
+    refused = f", refused in {group.refused:.0%}" if group.refused else ""
+    members = group.verdict_of_members
+    both = group.verdict.kind if members == group.verdict.kind else f"{group.verdict.kind}; of these members {members}"
+    return both + refused

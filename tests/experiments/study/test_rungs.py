@@ -1,0 +1,33 @@
+import itertools
+from dataclasses import replace
+from types import SimpleNamespace
+
+from experiments.matrix.table import Row
+from experiments.report.comparisons import compare
+from experiments.study.rungs import rungs
+
+
+def run(arm, core, member, seed, points):
+    identity = (f"{arm}{member}{seed}", core, member, "Walker2d-v5", arm, "ppo", "ppo", "default-v5", "{}", seed)
+    area = sum((a + b) / 2 for a, b in itertools.pairwise(points)) / (len(points) - 1)
+    row = Row(*identity, 200, 20_000, None, 1000, 5, 1, 2, 1.0, eval_return_mean=points[-1], eval_return_std=0.0)
+    return replace(row, area=area, first_return_mean=points[0]), points
+
+
+def test_a_rung_by_hand():
+    """Six seeds alike: the core has 100 from its second evaluation on, scratch 50 at its end."""
+    seeds = range(6)
+    made = [run("transfer", "hopper-v1", 0, seed, [0.0, 100.0, 100.0 + seed]) for seed in seeds]
+    made += [run("scratch", "", 0, seed, [0.0, 25.0, 50.0 - seed]) for seed in seeds]
+    arms = ("random", "random-matched", "shuffled")
+    made += [run(arm, "hopper-v1", 0, seed, [0.0, 0.0, float(seed)]) for arm in arms for seed in seeds]
+    rows = [row for row, _ in made]
+    curves = {row.id: [{"steps": 1000.0 * k, "return_mean": one} for k, one in enumerate(points)] for row, points in made}
+    header, line = rungs(SimpleNamespace(rows=rows, groups=compare(rows), curves=curves))
+    told = dict(zip(header, line, strict=True))
+    assert (told["rung"], told["core on target"]) == ("7", "`hopper-v1` on Walker2d-v5")
+    assert told["area: core, scratch"] == "76, 24"  # (50 + 101.25) / 2, (12.5 + 36.25) / 2
+    assert told["end: core, scratch"] == "102, 48"
+    assert told["below scratch's lower quartile"] == "0%"
+    assert told["steps saved"] == "> 2 (2 to 2) to 75"  # 1000 against more than 2000
+    assert told["verdict"] == "transfer"
