@@ -68,7 +68,7 @@ def test_budgets_are_exact(tmp_path, num_envs, budget):
     ],
 )
 def test_an_interrupted_run_goes_on_to_the_bit(tmp_path, config, steps):
-    run_training(config, out=tmp_path / "whole")
+    run_training(config, out=str(tmp_path / "whole"))
     with pytest.raises(InterruptedRunError, match="resume=True"):
         run_training(config, out=tmp_path / "cut", report=interrupt_at(steps))
     assert load_state(tmp_path / "cut/checkpoint.safetensors")["session"]["spent"][1] >= steps

@@ -36,7 +36,7 @@ def run_training(
     config: TrainConfig,
     *,
     policy: Policy | None = None,
-    out: Path | None = None,
+    out: str | Path | None = None,
     resume: bool = False,
     report: Report | None = None,
     record_every: int = 0,
@@ -58,7 +58,7 @@ def run_training(
     check_kind("config", config, TrainConfig, "make one, such as TrainConfig('Hopper-v5', steps=10_000)")
     with one_thread():  # the fastest for small networks, and the only number that always gives the same bits
         core = None if config.core is None else load_core(config.core, env=config.env)
-        out = out or default_directory(config)
+        out = default_directory(config) if out is None else Path(out)
         policy = policy or new_policy(config, core, match_of(out) if resume else None)
         job = Job(config, policy, config.env, out, core, record_every)
         return _run(job, resume=resume, report=report)

@@ -22,7 +22,7 @@ class DistillConfig:
     name: str
     """Name of the core without its version."""
     version: Annotated[int, AT_LEAST_ONE] = 1
-    zoo: Path = Path("zoo")
+    zoo: str | Path = "zoo"
     """Folder the artifact goes into."""
     members: Annotated[tuple[Annotated[int, NOT_NEGATIVE], ...], Items(int(MEMBERS.high))] | None = None
     """Which of the teacher's members; by default all."""
@@ -53,7 +53,7 @@ class DistillConfig:
     @property
     def folder(self) -> Path:
         """The folder of the artifact."""
-        return self.zoo / f"{self.name}-v{self.version}"
+        return Path(self.zoo) / f"{self.name}-v{self.version}"
 
     @property
     def steps_of_a_round(self) -> int:

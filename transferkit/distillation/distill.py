@@ -81,7 +81,7 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
         ConfigError: the teacher cannot act within this environment, or the folder cannot be written.
         UnknownNameError: neither a run nor a core has this name.
     """
-    check_folder(recipe.zoo, "zoo")
+    check_folder(recipe.folder.parent, "zoo")
     check_unreleased(recipe.folder)
     members = _members(teacher, recipe)
     work = RUNS / "distill" / recipe.folder.name

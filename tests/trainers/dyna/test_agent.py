@@ -120,7 +120,7 @@ def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(full_core, p
         config = replace(TINY, random_steps=100, anchor=anchor, exploration_noise=0.0)
         made, first = make_agent(policy, pendulum_spec, config), policy(observation)[0].detach()
         np.testing.assert_allclose(made.explore(observation[:1].numpy()), first[:1].clamp(-1, 1), atol=1e-6)
-        for _ in range(80):
+        for _ in range(30):
             made.buffer.add(drawn(generator))
             made.learn()
         moved[anchor] = float((policy(observation)[0] - first).detach().abs().mean())
@@ -135,7 +135,7 @@ def test_a_policy_that_is_behind_its_core_is_held_as_firmly_at_the_end(full_core
         made = make_agent(policy, pendulum_spec, replace(TINY, random_steps=100, anchor=100.0, anchor_holds=holds))
         first = policy(observation)[0].detach()
         made.set_progress(1.0, 0.0, behind=behind)
-        for _ in range(80):
+        for _ in range(30):
             made.buffer.add(drawn(generator))
             made.learn()
         return float((policy(observation)[0] - first).detach().abs().mean())
