@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from experiments.matrix.table import Row
     from experiments.study.rooms import Study
 
+POINTS = 41
+"""Of a line whose runs were evaluated at different steps."""
+
+BESIDE = 4
+"""Panels in a row."""
+
 DASHES = ("-", "--")
 """Of the first five lines, and of those after them."""
 
@@ -28,14 +34,19 @@ def draw(study: Study) -> Figure:
     targets = sorted({row.target for row in rows})
     trainers = sorted({row.trainer for row in rows})
     lines = [(trainer, arm) for trainer in trainers for arm in ARMS if _of(rows, trainer, arm)]
-    figure = Figure(figsize=(max(7, 4.5 * len(targets)), 4), layout="constrained")
-    for axis, target in zip(figure.subplots(1, len(targets), squeeze=False)[0], targets, strict=True):
+    across, down = min(BESIDE, len(targets)), -(-len(targets) // BESIDE)
+    figure = Figure(figsize=(max(7, 4.5 * across), 4 * down), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False)
+    for axis in axes.flat[len(targets) :]:
+        axis.remove()
+    for axis, target in zip(axes.flat, targets, strict=False):
         axis.set(title=verbatim(target), xlabel="environment steps")
         axis.locator_params(axis="x", nbins=5)
         for k, (trainer, arm) in enumerate(lines):
             label = verbatim(", ".join([ARMS[arm], *([trainer] if len(trainers) > 1 else [])]))
             _line(axis, study, _of(rows, trainer, arm, target), label, (COLOURS[k % 5], DASHES[k // 5]))
-    figure.axes[0].set_ylabel("evaluation, IQM with 95 % interval")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("evaluation, IQM with 95 % interval")
     named = {label: line for axis in figure.axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}
     figure.legend(named.values(), named, loc="outside lower center", ncols=2, fontsize="small", frameon=False)
     return figure
@@ -46,12 +57,13 @@ def _of(rows: Sequence[Row], trainer: str, arm: str, target: str | None = None) 
 
 
 def _line(axis: Axes, study: Study, rows: Sequence[Row], label: str, style: tuple[str, str]) -> None:
-    """One line, over the steps at which every run was evaluated."""
+    """One line, over the steps that every run has."""
     if not rows:
         return
-    runs = [{point["steps"]: point["return_mean"] for point in study.curves[row.id]} for row in rows]
-    steps = sorted(set.intersection(*map(set, runs)))
-    values = np.array([[run[step] for step in steps] for run in runs])
+    runs = [np.transpose([(point["steps"], point["return_mean"]) for point in study.curves[row.id]]) for row in rows]
+    alike = all(np.array_equal(run[0], runs[0][0]) for run in runs)
+    steps = runs[0][0] if alike else np.linspace(max(run[0, 0] for run in runs), min(run[0, -1] for run in runs), POINTS)
+    values = np.array([np.interp(steps, *run) for run in runs])
     low, high = np.transpose([stats.iqm_interval(column) for column in values.T])
     colour, dashes = style
     axis.plot(steps, stats.iqm(values, axis=0), dashes, color=colour, label=label)

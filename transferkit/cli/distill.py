@@ -56,7 +56,7 @@ def _answer(options: argparse.Namespace, env: str) -> Answer:
         done = distill(options.teacher, env, recipe, report=report)
     score = done.card.score
     rows = [f"member {k}: {own:.1f}, its teacher {taught:.1f}" for k, (own, taught) in enumerate(done.pairs)]
-    text = "\n".join([f"{recipe.folder}: return {score.mean:.1f}, {len(rows)} members", *rows])
+    text = "\n".join([f"{recipe.folder}: return {score.mean:.1f} over {len(rows)} member{'s' * (len(rows) > 1)}", *rows])
     data: dict[str, Any] = {
         "id": done.card.id,
         "folder": str(recipe.folder),
