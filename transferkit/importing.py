@@ -20,7 +20,7 @@ from transferkit.interop import Given, read_core
 from transferkit.policy.health import health
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import Card, ImportedFrom, Score
+from transferkit.zoo.card import NOT_STATED, Card, ImportedFrom, Score
 from transferkit.zoo.find import Played
 from transferkit.zoo.release import check_name, release
 
@@ -37,8 +37,6 @@ PROBATION = 5
 
 USUAL = ("tanh", "relu", "elu")
 """Activations that policies of the libraries have."""
-
-NOT_STATED = "not stated"
 
 
 @dataclass(frozen=True)

@@ -58,6 +58,7 @@ def test_a_pole_is_held_without_its_velocities(capsys):
     assert evaluate(core.policy(1), BLIND, episodes=3).mean > 95
     code, out, _ = run(capsys, "zoo", "verify", "zoo/blind-v1", "--rollout")
     assert (code, "rolled out" in out) == (0, True)
+    assert "Licence: MIT.\n" in run(capsys, "zoo", "show", "zoo/blind-v1")[1]
 
 
 def test_a_killed_call_goes_on_to_the_bit():

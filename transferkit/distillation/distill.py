@@ -17,14 +17,14 @@ from transferkit.distillation.teacher import Beside, teacher_in, watch
 from transferkit.envs import copies_of, derive_spec
 from transferkit.errors import ArtifactError
 from transferkit.evaluation import evaluate
-from transferkit.files import check_folder
+from transferkit.files import check_folder, writing
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.policy.core import Core, stack_members
 from transferkit.run import RECORD
 from transferkit.training import RUNS
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import Card, Score
+from transferkit.zoo.card import NOT_STATED, Card, Score
 from transferkit.zoo.catalog import find_card
 from transferkit.zoo.release import release
 
@@ -85,7 +85,8 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
     check_unreleased(recipe.folder)
     members = _members(teacher, recipe)
     work = RUNS / "distill" / recipe.folder.name
-    work.mkdir(parents=True, exist_ok=True)
+    with writing(work):
+        work.mkdir(parents=True, exist_ok=True)
     spec = derive_spec(env)
     about = {"teacher": teacher, "env": spec.env_id, "recipe": _plain(recipe)}
     students = [_student(teacher, env, member, recipe, work, about, report) for member in members]
@@ -101,9 +102,14 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
 
 
 def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
-    if (Path(teacher) / RECORD).exists() or Path(teacher).is_file():
+    if not _has_card(teacher):
         return recipe.members or [None]
     return range(len(find_card(teacher).seeds)) if recipe.members is None else recipe.members
+
+
+def _has_card(teacher: str) -> bool:
+    """Whether it is a core of a zoo, and no run and no file of another library."""
+    return not ((Path(teacher) / RECORD).exists() or Path(teacher).is_file())
 
 
 def _student(
@@ -144,6 +150,7 @@ def _card(name: str, recipe: DistillConfig, core: Core, students: Sequence[_Stud
         config=asdict(TrainConfig(core.spec.env_id)),
         versions=versions(),
         files={},
+        licence=find_card(name).licence if _has_card(name) else NOT_STATED,
         history=(f"v{recipe.version}: distilled from {name}, which returns {taught:.1f} from the same starts",),
     )
 

@@ -23,6 +23,9 @@ SCHEMA = 1
 
 CARD, WEIGHTS, PROBE, README = "card.json", "core.safetensors", "probe.safetensors", "README.md"
 
+NOT_STATED = "not stated"
+"""A licence that nobody named."""
+
 LARGEST_CARD = 4 * 2**20
 """Bytes."""
 

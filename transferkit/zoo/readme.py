@@ -27,7 +27,7 @@ def render(card: Card, crossings: Crossings | None = None) -> str:
 
 {card.description}
 
-Generated from `card.json`. Licence: {card.licence}. {_origin(card)}
+Generated from `card.json`. Licence: {card.licence}.{_origin(card)}
 
 **Score on {spec.env_id}:** {score.mean:.1f}, 95 % interval {score.low:.1f} to {score.high:.1f} over {len(card.seeds)} members
 and {score.episodes} episodes each (evaluation seed {score.seed}); every member had to reach {score.threshold:g}.
@@ -65,9 +65,7 @@ Made by `{card.command}` with {versions}.
 
 
 def _origin(card: Card) -> str:
-    if card.origin is None:
-        return f"Trained with {card.config.get('algo', 'transferkit')} here."
-    return f"Imported from a file of {card.origin.library}, sha256 {card.origin.sha256}."
+    return "" if card.origin is None else f" Imported from a file of {card.origin.library}, sha256 {card.origin.sha256}."
 
 
 def _robot(spec: IOSpec) -> str:
