@@ -19,7 +19,7 @@ def main(arguments: Sequence[str]) -> Answer:
     flags = parser(
         "distill",
         "Train a policy that observes less, or otherwise, to do what one does that observes all, and write it as a core. "
-        "An interrupted call goes on after its last round. What is not given is as in transferkit.distillation.DistillConfig.",
+        "An interrupted call goes on after its last round. What is not given is as in transferkit.DistillConfig.",
     )
     flags.add_argument("teacher", metavar="CORE|RUN", help="a core's id or folder, or the directory of a finished run")
     add_environment(flags, "the student's environment; the teacher acts in the innermost one, before any wrapper")
