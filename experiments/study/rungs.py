@@ -29,7 +29,7 @@ def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
     """Every comparison with a core, rung by rung; of these trainers, or of all.
 
     *Steps saved* is how many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over
-    seeds. The threshold is halfway from scratch, its mean start or its mean end, whichever is higher, to the core's mean end.
+    seeds. The threshold is halfway from scratch, its mean start or its mean end, whichever is higher, to the core's mean end, if that is above.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target))
@@ -57,6 +57,8 @@ def _saved(study: Study, group: Group) -> str:
     """The data-efficiency multiplier; scratch's runs that never get there count with all of their steps, so it is more."""
     alone = max(float(np.nanmean(group.measured(name)[SCRATCH])) for name in ("first_return_mean", "eval_return_mean"))
     threshold = (alone + float(np.nanmean(group.scores[TRANSFER]))) / 2
+    if threshold <= alone:
+        return "-"
     core, needed = (_needed(study, group, name, threshold) for name in (TRANSFER, SCRATCH))
     least = _needed(study, group, SCRATCH, threshold, censored=True)[0]
     times = stats.data_efficiency(least, core)
