@@ -29,7 +29,7 @@ def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
     """Every comparison with a core, rung by rung; of these trainers, or of all.
 
     *Steps saved* is how many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over
-    seeds. The threshold is halfway from scratch, its mean start or its mean end, whichever is higher, to the core's mean end, if that is above.
+    seeds. The threshold is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end above it.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target))
