@@ -8,7 +8,7 @@ sys.path.append(str(Path(__file__).parent / "_ext"))
 project = "transferkit"
 author = "the transferkit developers"
 copyright = "2026, the transferkit developers"
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "cores", "robots"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "generated"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build", "_ext"]
 html_theme = "furo"

@@ -13,7 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from transferkit.cli.answer import Parser
-from transferkit.errors import UnknownNameError
+from transferkit.cli.wording import worded
+from transferkit.errors import TransferkitError, UnknownNameError
 from transferkit.play.episodes import play_episodes
 from transferkit.subject import load_subject
 from transferkit.zoo.catalog import find_card
@@ -47,10 +48,23 @@ STRIPS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Draw what is missing or named."""
+    """Draw; the exit status is 2 if an argument is wrong."""
     parser = Parser(prog="experiments.strips", description=__doc__)
     parser.add_argument("names", nargs="*")
-    names = parser.parse_args(arguments).names
+    try:
+        draw_all(parser.parse_args(arguments).names)
+    except TransferkitError as error:
+        print(f"error: {worded(error)}", file=sys.stderr)
+        return 2
+    return 0
+
+
+def draw_all(names: Sequence[str]) -> None:
+    """Draw what is missing or named.
+
+    Raises:
+        UnknownNameError: there is no such strip.
+    """
     for name in names:
         if name not in STRIPS:
             raise UnknownNameError("strip", name, list(STRIPS))
@@ -58,7 +72,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name, env in STRIPS.items():
         if name in names or not (PICTURES / f"{name}.png").exists():
             draw(name.partition("_")[0], env, PICTURES / f"{name}.png")
-    return 0
 
 
 def draw(core: str, env: str | None, path: Path) -> None:

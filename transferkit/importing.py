@@ -20,7 +20,7 @@ from transferkit.interop import Given, read_core
 from transferkit.policy.health import health
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import NOT_STATED, Card, ImportedFrom, Score
+from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED, Card, ImportedFrom, Score
 from transferkit.zoo.find import Played
 from transferkit.zoo.release import check_name, release
 
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from transferkit.envs import EnvLike
     from transferkit.interop import Scale
     from transferkit.policy.core import Core
-
-EPISODES, SEED = 20, 1
-"""Of the score, as `pretrain` has it."""
 
 PROBATION = 5
 """Episodes that are compared with zero action from the same starts."""
@@ -143,8 +140,8 @@ def run_import(file: Path, env: EnvLike, given: Given, target: Target | None) ->
     name = file.stem if target is None else target.folder.name
     core, foreign, notes = read_core(file, derive_spec(env), given, name)
     policy = core.policy()
-    returns = evaluate(policy, env, episodes=PROBATION if target is None else EPISODES, seed=SEED).returns
-    zero = evaluate(ZeroPolicy(core.spec.act_dim), env, episodes=PROBATION, seed=SEED).returns
+    returns = evaluate(policy, env, episodes=PROBATION if target is None else SCORE_EPISODES, seed=SCORE_SEED).returns
+    zero = evaluate(ZeroPolicy(core.spec.act_dim), env, episodes=PROBATION, seed=SCORE_SEED).returns
     warnings = [*_probation(returns, zero), *health(policy, env).warnings]
     if given.activation is not None or foreign.activation is None or foreign.usual:
         warnings += _better_with(core, env, returns)
@@ -168,7 +165,7 @@ def _better_with(core: Core, env: EnvLike, returns: tuple[float, ...]) -> list[s
     signs = []
     for other in sorted({*USUAL} - {core.architecture.to_json()["activation"]}):
         architecture = replace(core.architecture, activation=other)  # pyright: ignore[reportCallIssue] - no composed one
-        played = evaluate(replace(core, architecture=architecture).policy(), env, episodes=PROBATION, seed=SEED).returns
+        played = evaluate(replace(core, architecture=architecture).policy(), env, episodes=PROBATION, seed=SCORE_SEED).returns
         if all(theirs > own for theirs, own in zip(played, returns, strict=False)):
             signs.append(f"with activation {other} it returns {np.mean(played):.1f} and not {np.mean(returns[:PROBATION]):.1f}")
     return signs
@@ -189,7 +186,7 @@ def _written(done: Imported, env: str, target: Target) -> Core:
         source=done.core.spec,
         components=components_card(done.core),
         seeds=done.core.seeds,  # pyright: ignore[reportArgumentType] - a tuple
-        score=Score(mean, low, high, EPISODES, SEED, (mean,), threshold),
+        score=Score(mean, low, high, SCORE_EPISODES, SCORE_SEED, (mean,), threshold),
         spent=({"episodes": 0, "steps": done.steps, "seconds": 0.0},),
         command=command(),
         config=asdict(TrainConfig(done.core.spec.env_id)),

@@ -24,18 +24,13 @@ from transferkit.training import RUNS, run_training
 from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
 from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import Card, Score
+from transferkit.zoo.card import SCORE_EPISODES, SCORE_SEED, Card, Score
 from transferkit.zoo.release import check_name, release
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.policy.saved import Component
     from transferkit.run import Result
-
-SCORE_SEED = 1
-"""Evaluation seed of the stated score; evaluations during training use 0."""
-
-SCORE_EPISODES = 20
 
 
 @dataclass(frozen=True)

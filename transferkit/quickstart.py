@@ -1,4 +1,4 @@
-"""The main job in two minutes: a core works on its twin at once, another one gets a robot going, a third is refused."""
+"""The main job in two minutes: a core works on its twin at once, one gets a robot going, one is refused where none crosses."""
 
 from __future__ import annotations
 
@@ -34,9 +34,6 @@ EPISODES, STEPS = 200, 20_000
 
 TRAINED = TrainConfig(ROBOT, episodes=EPISODES, steps=STEPS, eval_every=4000, eval_episodes=5)
 """As in the study `ladder`."""
-
-PAIRS = 5
-"""Of episodes on probation."""
 
 TWIN_EPISODES = 2
 """Evaluation episodes per member on the twin; 1000 steps each."""
@@ -91,7 +88,7 @@ def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManag
 
 def _probation(core: Core, seed: int) -> str:
     """What `train` would find of the core on two poles, and do."""
-    held = hold_probation(wrap(core, TWO_POLES), lambda: make_env(TWO_POLES), Budget(EPISODES), PAIRS, seed)
+    held = hold_probation(wrap(core, TWO_POLES), lambda: make_env(TWO_POLES), Budget(EPISODES), TRAINED.wrap.probation, seed)
     assert held is not None
     probation, _ = held
     return f"{'trusted' if probation.accepted else 'refused'}: {probation.reason}"

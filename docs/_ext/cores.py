@@ -1,4 +1,4 @@
-"""A Sphinx extension: the page of the installed cores, generated from their cards before the docs are built."""
+"""The page of the installed cores, from their cards."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from transferkit.zoo.crossings import read_crossings
 from transferkit.zoo.readme import render
 
 if TYPE_CHECKING:
-    from sphinx.application import Sphinx
-
     from transferkit.zoo.card import Card
     from transferkit.zoo.crossings import Crossings
 
@@ -26,20 +24,6 @@ doing nothing, random actions, random and shuffled cores.
 | core | its environment | score | 95 % interval | threshold | members | crosses to |
 |---|---|---|---|---|---|---|
 """
-
-
-def setup(app: Sphinx) -> dict[str, bool]:
-    """Register with Sphinx."""
-    app.connect("builder-inited", write)
-    return {"parallel_read_safe": True}
-
-
-def write(app: Sphinx) -> None:
-    """Write `cores.md` if it is not what the cards say."""
-    path = Path(app.srcdir) / "cores.md"
-    text = page(path.parent / "images" / "robots")
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
 
 
 def page(pictures: Path) -> str:

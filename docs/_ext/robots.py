@@ -1,4 +1,4 @@
-"""A Sphinx extension: a page of robot pairs, a core on its own robot and on another, with what was measured there."""
+"""The page of robot pairs: a core on its own robot and on another, with what was measured there."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ from transferkit.zoo.card import read_card
 from transferkit.zoo.crossings import read_crossings
 
 if TYPE_CHECKING:
-    from sphinx.application import Sphinx
-
     from transferkit.zoo.crossings import Crossings
 
 HEAD = """# What crosses, robot by robot
@@ -81,19 +79,11 @@ PAIRS = (
 )
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
-    """Register with Sphinx."""
-    app.connect("builder-inited", write)
-    return {"parallel_read_safe": True}
-
-
-def write(app: Sphinx) -> None:
-    """Write `robots.md` if it is not what was measured."""
-    path, crossings = Path(app.srcdir) / "robots.md", read_crossings(Path(core_zoo.__path__[0]))
+def page() -> str:
+    """Write Markdown."""
+    crossings = read_crossings(Path(core_zoo.__path__[0]))
     assert crossings is not None
-    text = HEAD.format(episodes=crossings.episodes) + "".join(_section(pair, crossings) for pair in PAIRS)
-    if not path.exists() or path.read_text(encoding="utf-8") != text:
-        path.write_text(text, encoding="utf-8")
+    return HEAD.format(episodes=crossings.episodes) + "".join(_section(pair, crossings) for pair in PAIRS)
 
 
 def _section(pair: Pair, crossings: Crossings) -> str:

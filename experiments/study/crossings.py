@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from experiments.matrix.arms import ZERO_ACTION
 from experiments.report.verdict import TRANSFER
 from transferkit.files import write_json
 from transferkit.zoo.catalog import find_card
-from transferkit.zoo.crossings import CROSSINGS, Crossing, Crossings
+from transferkit.zoo.crossings import CROSSINGS, Crossing, Crossings, read_crossings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,9 +32,7 @@ def write_crossings(study: Study) -> None:
 
 def is_current(study: Study) -> bool:
     """Whether the zoo's file says what the rows say."""
-    stands = json.loads(PATH.read_text(encoding="utf-8"))
-    stands.pop("digest", None)
-    return stands == json.loads(json.dumps(asdict(crossings_of(study))))
+    return read_crossings(PATH.parent) == crossings_of(study)
 
 
 def crossings_of(study: Study) -> Crossings:

@@ -11,6 +11,7 @@ from transferkit.cli.answer import Answer, parser, whole
 from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import AT_LEAST_ONE
 from transferkit.errors import ConfigError
+from transferkit.zoo.card import NOT_STATED
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -33,7 +34,7 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("--descriptor", metavar="FILE", help="what its numbers are: LEAPP YAML or Isaac Lab's IO descriptors")
     flags.add_argument("--std", type=float, help="of exploration, of an action range of [-1, 1]")
     flags.add_argument("--threshold", type=float, metavar="RETURN", help="mean over 20 episodes that it has to reach")
-    flags.add_argument("--licence", default="not stated", help="of the policy")
+    flags.add_argument("--licence", default=NOT_STATED, help="of the policy")
     options = flags.parse_args(arguments)
     env = environment(options)
     if env is None or options.name is None:

@@ -24,7 +24,7 @@ from transferkit.run import RECORD
 from transferkit.training import RUNS
 from transferkit.versions import command, versions
 from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import NOT_STATED, Card, Score
+from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED, Card, Score
 from transferkit.zoo.catalog import find_card
 from transferkit.zoo.release import release
 
@@ -33,11 +33,7 @@ if TYPE_CHECKING:
     from transferkit.distillation.config import DistillConfig
     from transferkit.envs import EnvLike
     from transferkit.policy.base import ScratchPolicy
-    from transferkit.record.play import Subject
     from transferkit.run import Report
-
-EPISODES, SEED = 20, 1
-"""Of the scores, as `pretrain` has them."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +54,6 @@ class Distilled:
 class _Student:
     policy: ScratchPolicy
     returns: tuple[float, ...]
-    teacher: Subject
     teacher_return: float
     spent: Spent
 
@@ -120,11 +115,11 @@ def _student(
     rounds = Rounds(recipe, env, subject.policy, work / f"member{member or 0}.safetensors", about)
     student = rounds.run(report)
     student.network.log_std.data.fill_(max(np.log(max(rounds.loss, 1e-12)) / 2, LOG_STD_BOUNDS[0]))
-    returns = evaluate(student, env, episodes=EPISODES, seed=SEED).returns
+    returns = evaluate(student, env, episodes=SCORE_EPISODES, seed=SCORE_SEED).returns
     made, watched = watch(copies_of(env))
-    taught = evaluate(Beside(subject.policy, watched), made, episodes=EPISODES, seed=SEED).mean
+    taught = evaluate(Beside(subject.policy, watched), made, episodes=SCORE_EPISODES, seed=SCORE_SEED).mean
     made.close()
-    return _Student(student, returns, subject, taught, rounds.spent)
+    return _Student(student, returns, taught, rounds.spent)
 
 
 def _card(name: str, recipe: DistillConfig, core: Core, students: Sequence[_Student]) -> Card:
@@ -144,7 +139,7 @@ def _card(name: str, recipe: DistillConfig, core: Core, students: Sequence[_Stud
         source=core.spec,
         components=components_card(core),
         seeds=tuple(core.seeds),
-        score=Score(float(np.mean(means)), low, high, EPISODES, SEED, means, threshold),
+        score=Score(float(np.mean(means)), low, high, SCORE_EPISODES, SCORE_SEED, means, threshold),
         spent=tuple({"episodes": s.episodes, "steps": s.steps, "seconds": s.seconds} for s in (one.spent for one in students)),
         command=command(),
         config=asdict(TrainConfig(core.spec.env_id)),

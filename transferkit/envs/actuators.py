@@ -54,7 +54,7 @@ def _actuator(
     joints: Sequence[Joint],
 ) -> Actuator:
     driven = np.flatnonzero(np.any([look.control != none.control for _, look in looks], axis=0))
-    model_name = "+".join(_name(model, int(i)) for i in driven) or f"action{k}"
+    model_name = "+".join(actuator_name(model, int(i)) for i in driven) or f"action{k}"
     dof = _only_dof(looks, none, driven, model)
     if dof is None:
         return replace(_unknown(k, low, high), name=model_name, model_name=model_name)
@@ -90,5 +90,6 @@ def _steepest(effects: Sequence[tuple[float, float]]) -> float:
     return float(max((effect / share for share, effect in effects), key=abs))
 
 
-def _name(model: mujoco.MjModel, actuator: int) -> str:
+def actuator_name(model: mujoco.MjModel, actuator: int) -> str:
+    """The name of an actuator in its model, or its number."""
     return model.actuator(actuator).name or f"actuator{actuator}"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from transferkit.envs import open_simulation, opened
+from transferkit.envs.actuators import actuator_name
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def read_model(env: EnvLike, spec: IOSpec) -> Model | None:
         if simulation is None:
             return None
         model = simulation.model
-        ids = {model.actuator(k).name or f"actuator{k}": k for k in range(model.nu)}
+        ids = {actuator_name(model, k): k for k in range(model.nu)}
         drives = [_drive(model, ids.get(one.model_name)) for one in spec.action]
         passive = Joints(*(tuple(map(float, row)) for row in (model.dof_damping, model.dof_frictionloss, model.dof_armature)))
         return Model(tuple(drives), passive, float(model.opt.timestep))

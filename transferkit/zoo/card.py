@@ -23,6 +23,11 @@ SCHEMA = 1
 
 CARD, WEIGHTS, PROBE, README = "card.json", "core.safetensors", "probe.safetensors", "README.md"
 
+SCORE_SEED = 1
+"""Evaluation seed of the stated score; evaluations during training use 0."""
+
+SCORE_EPISODES = 20
+
 NOT_STATED = "not stated"
 """A licence that nobody named."""
 

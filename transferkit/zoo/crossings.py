@@ -9,13 +9,10 @@ from typing import Any
 
 from transferkit.errors import ArtifactError
 from transferkit.reading import FormatError, parse, read_bytes, typed, unsealed
-from transferkit.zoo.card import RESTORE
+from transferkit.zoo.card import LARGEST_CARD, RESTORE
 
 CROSSINGS = "crossings.json"
 """A file of a zoo's folder."""
-
-LARGEST = 4 * 2**20
-"""Bytes."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ def read_crossings(zoo: Path) -> Crossings | None:
     """
     path = zoo / CROSSINGS
     try:
-        return typed(unsealed(parse(read_bytes(path, LARGEST, follow=False), dict[str, Any]), required=True), Crossings)
+        return typed(unsealed(parse(read_bytes(path, LARGEST_CARD, follow=False), dict[str, Any]), required=True), Crossings)
     except FileNotFoundError:
         return None
     except OSError as error:
