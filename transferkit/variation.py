@@ -27,7 +27,7 @@ MOST_DELAY = 1000
 """Control steps."""
 MOST_FRAMES = 100
 
-WHOLE = ("delay", "drop_observation", "frames", "dead_actuator")
+WHOLE = ("delay", "permute_observation", "drop_observation", "frames", "dead_actuator")
 """Of an environment as a whole."""
 
 NAMES = (*FACTORS, *WHOLE, "noise")
@@ -49,6 +49,8 @@ class Variation:
     """Control steps by which actions come late."""
     noise: Mapping[str, Amount] = field(default_factory=dict)
     """Standard deviation of Gaussian noise by element of the observation, in its unit; `` stands for all of them."""
+    permute_observation: Sequence[Place] = ()
+    """Elements that change places: each stands where the next one stood, and the last where the first did."""
     drop_observation: Sequence[Place] = ()
     """Elements that the observation lacks."""
     frames: int = 1
@@ -83,6 +85,7 @@ class Variation:
             },
             _whole("delay", single.get("delay", 0), 0, MOST_DELAY),
             {part: _amount("noise", value, 0.0, LARGEST) for part, value in tables.get("noise", {}).items()},
+            _places("permute_observation", single.get("permute_observation", ())),
             _places("drop_observation", single.get("drop_observation", ())),
             _frames(single.get("frames", 1)),
             _places("dead_actuator", single.get("dead_actuator", ())),
@@ -101,7 +104,7 @@ class Variation:
             for name, table in tables.items()
             for part, amount in table.items()
         }
-        lists = {"drop_observation": list(self.drop_observation), "dead_actuator": list(self.dead_actuator)}
+        lists = {name: list(getattr(self, name)) for name in ("permute_observation", "drop_observation", "dead_actuator")}
         whole = {"delay": _plain((int(self.delay[0]), int(self.delay[1]))), "frames": self.frames if self.frames > 1 else 0}
         return flat | {name: value for name, value in (whole | lists).items() if value}
 

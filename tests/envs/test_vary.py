@@ -149,6 +149,18 @@ def test_what_is_seen_and_done_late():
     assert not difference[:, 1].any()
 
 
+def test_elements_change_places_and_are_known_there():
+    plain, env = (
+        vary("InvertedPendulum-v5", **changes) for changes in ({}, {"permute_observation": [0, "hinge_y.velocity", 1]})
+    )
+    (raw, _), (observation, _) = (one.reset(seed=0) for one in (plain, env))
+    np.testing.assert_array_equal(observation, raw[[1, 3, 2, 0]])  # 0 stands where 3 stood, 3 where 1 did, 1 where 0 did
+    names = [element.name for element in derive_spec(plain).observation]
+    assert [element.name for element in derive_spec(env).observation] == [names[i] for i in (1, 3, 2, 0)]
+    both = vary("InvertedPendulum-v5", permute_observation=[0, 1], drop_observation=[0])
+    np.testing.assert_array_equal(both.reset(seed=0)[0], raw[[1, 2, 3]])
+
+
 def test_the_latest_observations_are_one():
     env = vary("InvertedPendulum-v5", drop_observation=[2, 3], frames=3, noise={"hinge_y.position": 0.1})
     first = env.reset(seed=0)[0]
@@ -188,6 +200,8 @@ def test_it_is_written_down():
         (HOPPER, {"gravity": {"z": 1}}, ConfigError, "gravity is one for the whole environment"),
         (HOPPER, {"drop_observation": [11]}, ConfigError, "drop_observation=11 must be 0 to 10"),
         (HOPPER, {"drop_observation": list(range(11))}, ConfigError, "nothing is left to observe"),
+        (HOPPER, {"permute_observation": [0, 11]}, ConfigError, "permute_observation=11 must be 0 to 10"),
+        (HOPPER, {"permute_observation": [1, 2, 1]}, ConfigError, "permute_observation=.1, 2, 1. must be"),
         (HOPPER, {"frames": 0}, ConfigError, "frames=0 must be a number or a range, low first, 1 to 100"),
         (HOPPER, {"frames": (1, 2)}, ConfigError, "must be one number and no range"),
         (HOPPER, {"drop_observation": ["x"]}, UnknownNameError, "unknown element of the observation 'x'"),

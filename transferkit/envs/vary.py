@@ -54,8 +54,15 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
         self._dead = [drives.get(str(place), place) for place in self.variation.dead_actuator]
         size = _size(env)
-        dropped = [self._index(place) for place in self.variation.drop_observation]
-        self._kept = np.array([i for i in range(size) if i not in dropped], int)
+        moved, dropped = (
+            [self._index(place, name) for place in getattr(self.variation, name)]
+            for name in ("permute_observation", "drop_observation")
+        )
+        if len(set(moved)) < len(moved):
+            raise ConfigError("permute_observation", value=moved, allowed="each element once", topic="variations")
+        order = np.arange(size)
+        order[np.roll(moved, -1).astype(int)] = moved
+        self._kept = order[~np.isin(order, dropped)]
         if not len(self._kept):
             raise ConfigError("nothing is left to observe", remedy="drop fewer elements", topic="variations")
         self.observation_space = Box(-np.inf, np.inf, (len(self._kept) * self.variation.frames,), np.float64)
@@ -91,7 +98,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
 
     @property
     def _by_name(self) -> bool:
-        places = (*self.variation.drop_observation, *self.variation.dead_actuator)
+        changed = self.variation
+        places = (*changed.permute_observation, *changed.drop_observation, *changed.dead_actuator)
         return any(self.variation.noise) or any(isinstance(place, str) for place in places)
 
     def _begin(self, seed: int | None) -> None:
@@ -103,7 +111,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
         self._deviation = np.zeros(_size(self.env))
         for name, amount in self.variation.noise.items():
-            self._deviation[self._index(name) if name else slice(None)] = draw(amount, self._rng)
+            self._deviation[self._index(name, "noise") if name else slice(None)] = draw(amount, self._rng)
 
     def _observed(self) -> NDArray[np.float64]:
         return np.concatenate(self._frames)
@@ -114,13 +122,13 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
             observation = observation + self._rng.normal(size=observation.shape) * self._deviation
         return observation[self._kept]
 
-    def _index(self, place: str | int) -> int:
+    def _index(self, place: str | int, change: str) -> int:
         if isinstance(place, str):
             if place not in self._names:
                 raise UnknownNameError("element of the observation", place, self._names, topic="variations")
             return self._names.index(place)
         if not 0 <= place < _size(self.env):
-            raise ConfigError("drop_observation", value=place, allowed=f"0 to {_size(self.env) - 1}", topic="variations")
+            raise ConfigError(change, value=place, allowed=f"0 to {_size(self.env) - 1}", topic="variations")
         return place
 
 
