@@ -18,7 +18,7 @@ HEAD = """# What crosses, robot by robot
 Generated from the study `zero_shot`: a core on its own robot and, untrained, on another one. Pictures
 are of the first member's first four seconds (`python -m experiments.strips`), figures are mean
 returns of all members over {episodes} episodes each. Every core on every target is in the table on
-the front page and in [the cores](cores.md).
+the map on the front page and in [the cores](cores.md).
 """
 
 
@@ -66,7 +66,7 @@ PAIRS = (
     Pair(
         "Two cheetahs",
         "All joints have counterparts. The front thigh of the one hardly bends forwards (0.007 rad against 0.7), its floor is "
-        "more slippery: the core, which knows one body, stumbles.",
+        "less slippery: the core, which knows one body, stumbles.",
         "half-cheetah-v1",
         "dm_control/cheetah-run-v0",
     ),

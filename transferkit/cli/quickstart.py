@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 TWIN_TEXT = "{core} on its twin {twin}, untrained ({episodes} episodes a policy): the core's skill is there at once"
 ROBOT_TEXT = "{core} on {robot}, its one leg driving two: {steps:,} steps or {episodes} episodes of PPO, seed {seed}"
 ROBOT_STUDY = "Over ten seeds, three members and with controls: experiments/studies/ladder, rung 7."
-POLES_TEXT = "{core} on {poles}, to which nothing is known to cross: {refused} (experiments/studies/first_matrix_gymnasium)"
+POLES_TEXT = "{core} on {poles}, on which a core does next to nothing: {refused} (experiments/studies/first_matrix_gymnasium)"
 SEEDS = "One seed shows how it works; experiments/studies has the claims, over many seeds and with controls."
 
 
