@@ -88,6 +88,15 @@ def test_a_budget_whose_tenth_holds_no_pair_trusts_without_a_step():
     assert hold_probation(ZeroPolicy(1), pendulum, Budget(steps=20_000), 5, 0)[0].episodes == 10
 
 
+def test_a_budget_in_seconds_is_kept_after_one_pair():
+    assert [len(found(Signed(1), Budget(seconds=seconds)).zero) for seconds in (1e-6, 1e6)] == [1, 5]
+
+
+def test_the_actions_that_are_learnt_from_are_those_that_the_environment_took():
+    _, seen = hold_probation(Signed(3), lambda: make_env(Line()), Budget(steps=1000), 1, 0)
+    assert set(np.abs(seen.action).flatten()) == {0.0, 1.0}
+
+
 def test_actions_that_never_change_are_refused():
     assert found(ConstantPolicy(1, 1), Budget(steps=1000)).reason == "its actions never change"
     assert not found(ConstantPolicy(1, 1), Budget(steps=1000)).accepted

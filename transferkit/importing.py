@@ -61,6 +61,7 @@ class Target:
         """
         check_name(self.name)
         check_value("version", self.version, Annotated[int, AT_LEAST_ONE])
+        check_value("threshold", self.threshold, float | None)
         check_folder(self.zoo, "zoo")
         check_unreleased(self.folder)
 

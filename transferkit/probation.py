@@ -7,6 +7,7 @@ pole that nobody holds does not fall, and a core that holds it only looks busy.
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import closing
@@ -50,7 +51,7 @@ def hold_probation(
         policy: a wrapped core.
         make_env: makes the environment.
         budget: of the run.
-        pairs: the most; fewer are played if a tenth of the budget holds fewer.
+        pairs: the most; fewer are played if a tenth of the budget holds fewer, but one however few its seconds are.
         seed: of the run; probation has a stream of its own.
 
     Returns:
@@ -59,6 +60,7 @@ def hold_probation(
     started, streams, episodes = monotonic(), Streams(seed), list[Episode]()
     pairs = pairs if budget.episodes is None else min(pairs, int(SHARE * budget.episodes) // 2)
     left = sys.maxsize if budget.steps is None else int(SHARE * budget.steps)
+    seconds = math.inf if budget.seconds is None else SHARE * budget.seconds
     with closing(make_env()) as env:
         if not pairs or left < 2 * (episode_limit(env) or 1):
             return None
@@ -67,7 +69,7 @@ def hold_probation(
                 steps = rollout(actor, [env], lambda _, k=k: streams.integer("probation", k), episodes=1)
                 episodes.append(played := list(islice(steps, left)))
                 left -= len(played)
-            if not left:
+            if not left or monotonic() - started > seconds:
                 break
     whole = [episode for episode in episodes if episode and episode[-1].done]
     core, zero = (tuple(sum(step.reward for step in episode) for episode in side) for side in (whole[::2], whole[1::2]))
@@ -96,6 +98,7 @@ def _transitions(episodes: Sequence[Episode]) -> Transitions:
     columns: dict[str, Any] = {
         name: np.array([getattr(step, name) for step in chain(*episodes)], np.float32) for name in numbers
     }
+    columns["action"] = columns["action"].clip(-1.0, 1.0)  # what the environment took
     ends: dict[str, Any] = {
         name: np.array([getattr(step, name) for step in chain(*episodes)], bool) for name in ("terminated", "truncated")
     }

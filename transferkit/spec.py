@@ -85,6 +85,11 @@ class Element:
         if self.coefficients and len(self.coefficients) != len(self.joints):
             raise ValueError(f"element {self.name} has {len(self.coefficients)} coefficients for {len(self.joints)} joints")
 
+    @property
+    def name_now(self) -> str:
+        """The name that it has without its age."""
+        return self.name.removesuffix(f"[t-{self.age}]")
+
 
 @dataclass(frozen=True)
 class Actuator:

@@ -83,7 +83,10 @@ def try_out(cell: Cell) -> Pace:
 
     A policy that learns not to fall has longer episodes, so what a budget of episodes takes is known only between two bounds.
     """
-    config = replace(cell.config, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0)
+    trusting = replace(cell.config.wrap, probation=0)
+    config = replace(
+        cell.config, episodes=None, steps=None, seconds=TRIAL_SECONDS, eval_episodes=1, eval_every=0, wrap=trusting
+    )
     with tempfile.TemporaryDirectory() as scratch, ThreadPoolExecutor(1) as thread:  # training leaves Ctrl-C alone in a thread
         out = Path(scratch) / "trial"
         result = thread.submit(run_training, config, out=out).result()

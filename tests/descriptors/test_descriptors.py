@@ -1,6 +1,7 @@
 """Descriptors of other stacks, against the physics of an environment."""
 
 import itertools
+from dataclasses import replace
 
 import pytest
 import torch
@@ -8,12 +9,14 @@ import torch
 from tests.cli.commands import run, run_json
 from tests.descriptors.files import DEGREES, isaac, leapp
 from transferkit.descriptors import compare, read_descriptor, remap
+from transferkit.descriptors.compare import observed
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError
 from transferkit.interop.build import build_core
 from transferkit.interop.described import described
 from transferkit.interop.foreign import Foreign, Given, Layer, Statistics
 from transferkit.reading import FormatError
+from transferkit.spec import Element
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +89,30 @@ def test_what_the_environment_does_not_have_is_said_and_nothing_is_reordered(tmp
     assert remap(descriptor, hopper) is None
 
 
+def test_commands_that_no_order_or_unit_mends_are_not_mended(tmp_path, hopper):
+    descriptor = read_descriptor(isaac(tmp_path / "hopper.yaml"))
+    assert remap(descriptor, hopper) is not None
+    first, *others = descriptor.action
+    for action in ((replace(first, zero=0.5), *others), (first, first, others[0])):
+        assert remap(replace(descriptor, action=action), hopper) is None
+
+
+def test_an_action_of_the_other_sign_keeps_its_exploration(tmp_path, hopper):
+    layers = [Layer(torch.zeros(b, a).double(), torch.zeros(b).double()) for a, b in ((11, 8), (8, 3))]
+    foreign = Foreign("test", layers, "tanh", None, normalized=False, log_std=torch.full((3,), -1.0).double())
+    turned, _ = described(foreign, hopper, Given(descriptor=isaac(tmp_path / "hopper.yaml", scale=-200.0)))
+    core, _ = build_core(turned, hopper, Given(), "hopper", "")
+    torch.testing.assert_close(core.policy()(torch.zeros(1, 11))[1], torch.full((1, 3), -1.0))
+
+
+def test_an_action_of_before_is_found_by_its_whole_name():
+    spec = derive_spec("Reacher-v5")
+    joints = [one for one in spec.joints if one.name in ("hinge_z", "hinge_z2")]
+    past = tuple(Element(f"drive.{joint.name}.action", "action", (), (), 0.0, "") for joint in joints)
+    found = observed(replace(spec, observation=past))
+    assert [one.joints for one in found] == [(joint,) for joint in joints]
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -102,6 +129,11 @@ def test_what_the_environment_does_not_have_is_said_and_nothing_is_reordered(tmp
         ),
         (f"a: &a [{'1, ' * 1000}1]\nb: [{'*a, ' * 100}*a]", "its references stand for more"),
         (f"a: &a [&b [{'1, ' * 1000}1]]\nb: [{'*b, ' * 100}*b]", "its references stand for more"),
+        ("models: {p: {inputs: [{name: a, shape: [65536, 65536]}], outputs: []}}\npipeline: {}", "a has 4294967296 numbers"),
+        (
+            "observations: {policy: [{name: a, shape: [9], overloads: {history_length: 999}}]}\nactions: []",
+            "a has 8991 numbers, at most 4096 are supported",
+        ),
         ("{", "not YAML"),
     ],
 )

@@ -84,6 +84,8 @@ def test_what_cannot_be_distilled_is_one_line(capsys):
         distill("inverted-pendulum-v2", BLIND, DistillConfig("b", threshold=2000, **QUICK))
     with pytest.raises(SettingError, match="steps=10 must be at least 5 in each of 3 rounds"):
         DistillConfig("c", steps=10, rounds=3)
+    with pytest.raises(SettingError, match=r"members=\(0, 0\) must be different from each other"):
+        DistillConfig("c", members=(0, 0))
     code, _, said = run(capsys, "distill", "inverted-pendulum-v2", "--env", BLIND)
     assert (code, said.count("\n")) == (2, 1)
     assert "a student needs a name and an environment" in said

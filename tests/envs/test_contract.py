@@ -115,6 +115,13 @@ def test_a_dm_control_time_out_is_a_truncation(env_id):
     check_time_out(env, 5)
 
 
+def test_a_limit_of_its_own_is_known_and_outlives_other_rules():
+    made = make_env("InvertedPendulum-v5", max_episode_steps=3)
+    again = make_env(made, clip_actions=False)
+    assert (episode_limit(made), episode_limit(again), again.clip) == (3, 3, False)
+    assert episode_limit(make_env("InvertedPendulum-v5", max_episode_steps=5000)) == 1000
+
+
 @pytest.mark.parametrize("env_id", [env_id for env_id in IDS if not env_id.startswith("dm_control/")])
 def test_a_gymnasium_time_out_is_a_truncation(env_id):
     check_time_out(make_env(gymnasium.make(env_id, max_episode_steps=2)), 2)

@@ -11,6 +11,7 @@ from transferkit.descriptors import compare, read_descriptor
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError
 from transferkit.export import export_descriptor
+from transferkit.export.drives import read_model
 
 
 @pytest.mark.parametrize("env", ["HalfCheetah-v5", "Hopper-v5", "dm_control/cheetah-run-v0"])
@@ -55,6 +56,19 @@ def test_gains_of_a_servo_are_those_at_its_joint(tmp_path):
     assert (action["name"], action["scale"], action["clip"]) == ("joint_position_action", [0.5], [[-0.5, 0.5]])
     assert robot["default_joint_stiffness"] == [200.0, 0.0]
     assert robot["default_joint_damping"][0] == pytest.approx(12.0 + 1.0)  # and the joint's own
+
+
+def test_two_servos_of_a_joint_are_one_gain_and_two_commands(tmp_path):
+    tree = ET.parse(ASSETS / "inverted_pendulum.xml")
+    (motor,) = (drives := tree.find("actuator"))
+    motor.tag, motor.attrib = "position", {"joint": "slider", "kp": "50", "name": "place", "ctrlrange": "-1 1"}
+    ET.SubElement(drives, "velocity", {"joint": "slider", "kv": "3", "name": "speed", "ctrlrange": "-1 1"})
+    tree.write(tmp_path / "servo.xml")
+    env = f"InvertedPendulum-v5?xml_file={tmp_path / 'servo.xml'}"
+    spec = derive_spec(env)
+    model = read_model(env, spec)
+    assert [drive.command for drive in model.drives] == ["position", "velocity"]
+    assert model.gains(spec, spec.joints[0]) == (50.0, 3.0)
 
 
 def test_earlier_observations_and_functions_of_angles_are_terms_of_their_own(tmp_path):

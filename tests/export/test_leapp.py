@@ -155,6 +155,14 @@ def test_a_servo_is_not_written_as_a_motor(tmp_path):
     assert not list(tmp_path.glob("a.*"))
 
 
+def test_a_policy_that_acts_more_rarely_than_it_remembers_is_refused(tmp_path):
+    subject = lively("InvertedPendulum-v5?vary.frames=2")
+    subject.policy.hold = 2
+    with pytest.raises(ConfigError, match="acts once in 2 control steps"):
+        export_leapp(subject, tmp_path / "a.yaml")
+    assert not list(tmp_path.glob("a.*"))
+
+
 def test_leapp_itself_takes_the_file(tmp_path, monkeypatch):
     """Its loader checks hashes, flows and names, and runs the network."""
     import leapp

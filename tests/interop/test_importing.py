@@ -10,6 +10,7 @@ import torch
 from tests.interop import writers
 from transferkit import ArtifactError, evaluate, import_core, load_core, load_subject
 from transferkit.cli.main import main
+from transferkit.errors import SettingError
 from transferkit.importing import run_import
 from transferkit.interop import Given
 from transferkit.zoo.card import read_card
@@ -73,6 +74,8 @@ def test_a_score_below_the_threshold_is_refused(released, tmp_path):
     file, _ = released("inverted-pendulum-v1")
     with pytest.raises(ArtifactError, match=r"return [\d.]+ is below the threshold 500"):
         import_core(file, env=ENV, stats="none", threshold=500, name="pole", zoo=tmp_path / "zoo")
+    with pytest.raises(SettingError, match="threshold=nan must be"):
+        import_core(file, env=ENV, stats="none", threshold=float("nan"), name="pole", zoo=tmp_path / "zoo")
     assert not (tmp_path / "zoo").exists()
 
 

@@ -15,8 +15,10 @@ from transferkit import Subject, export_onnx
 from transferkit.envs import derive_spec, make_env
 from transferkit.errors import ConfigError
 from transferkit.interop import Given, read_core
+from transferkit.interop.onnx_graph import steps_of
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
+from transferkit.reading import FormatError
 from transferkit.streams import Streams
 
 ENV = "InvertedPendulum-v5"  # bounds of -3 to 3
@@ -147,6 +149,15 @@ class Deterministic(nn.Module):
 
     def forward(self, observation):
         return self.policy(observation, deterministic=True)
+
+
+def test_a_graph_that_runs_in_a_circle_is_refused():
+    onnx = pytest.importorskip("onnx")
+    value = lambda name: onnx.helper.make_tensor_value_info(name, 1, [1, 4])  # noqa: E731
+    nodes = [onnx.helper.make_node("Identity", [a], [b]) for a, b in (("a", "b"), ("b", "a"))]
+    model = onnx.helper.make_model(onnx.helper.make_graph(nodes, "circle", [value("x")], [value("a")]))
+    with pytest.raises(FormatError, match="not a chain of at most 1000 operations"):
+        steps_of(model.SerializeToString())
 
 
 def test_onnx_of_rsl_rl(tmp_path):

@@ -131,6 +131,20 @@ def test_the_learner_is_behind_until_its_latest_episodes_reach_the_return_to_bea
     assert not make("three", None).is_behind
 
 
+def test_the_first_evaluation_ends_no_run_also_if_something_was_charged_before(tmp_path):
+    scores, schedule = iter([9.0, 9.0]), Schedule(2, stop_at=5.0)
+    evaluate = lambda _: Evaluation((next(scores),), (25,))  # noqa: E731
+    directory = RunDirectory.create(tmp_path / "run", {})
+    made = Session(directory, Budget(steps=99), 1, evaluate=evaluate, schedule=schedule, charged=Spent(4, 6, 1.5))
+    with made.running():
+        made.evaluate()
+        assert made.progress == 0.0
+        step(made)
+        step(made)
+        update(made)
+        assert made.progress == 1.0
+
+
 def test_what_was_charged_before_training_is_spent_and_the_trainer_sees_what_is_left(tmp_path):
     directory = RunDirectory.create(tmp_path / "run", {})
     budget, charged = Budget(steps=10, episodes=8), Spent(4, 6, 1.5)

@@ -1,7 +1,7 @@
 """Presets: named, versioned and frozen settings of each trainer.
 
-A version is never changed once a result names it; a new default is a new version. The classes' own defaults are those of the
-newest default of PPO, so whoever changes one writes the old value into the versions here (a test holds their hashes).
+A version is never changed once a result names it; a new default is a new version. The classes' own defaults are those of
+PPO's `default-v2`, so whoever changes one writes the old value into the versions here (a test holds their hashes).
 """
 
 from __future__ import annotations

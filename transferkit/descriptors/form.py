@@ -6,6 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from transferkit.reading import FormatError
+from transferkit.spec import MOST
+
 Kind = Literal[
     "joint position",
     "joint velocity",
@@ -49,6 +52,16 @@ class Descriptor:
     """Seconds between actions; None if it does not say."""
     notes: tuple[str, ...] = ()
     """What it says that is not compared."""
+
+
+def check_size(name: str, size: int) -> None:
+    """Refuse more numbers than any environment has, before they are named.
+
+    Raises:
+        FormatError: there are.
+    """
+    if size > MOST:
+        raise FormatError(f"{name} has {size} numbers, at most {MOST} are supported")
 
 
 def channels(kind: Kind, names: Iterable[str], scale: Iterable[float], zero: Iterable[float]) -> list[Channel]:

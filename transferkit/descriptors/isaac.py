@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import msgspec
 
-from transferkit.descriptors.form import AXES, Channel, Descriptor, channels
+from transferkit.descriptors.form import AXES, Channel, Descriptor, channels, check_size
 from transferkit.reading import FormatError, Size, typed
 
 if TYPE_CHECKING:
@@ -109,6 +109,8 @@ def _observation(term: Observation, action: Sequence[Channel]) -> list[Channel]:
     size = term.shape[-1] if term.shape else len(term.joint_names)
     if not size:
         raise FormatError(f"term {term.name} has neither a shape nor joint names")
+    past = term.overloads.history_length
+    check_size(term.name, size * max(1, past))
     names = list(term.joint_names)
     if kind in ("linear velocity", "angular velocity", "gravity"):
         names = list(AXES)
@@ -120,13 +122,13 @@ def _observation(term: Observation, action: Sequence[Channel]) -> list[Channel]:
         kind, names = "other", [term.name if size == 1 else f"{term.name}[{k}]" for k in range(size)]
     zeros = _each(list(term.joint_pos_offsets or term.joint_vel_offsets) or None, size, term.name)
     once = channels(kind, names, _each(term.overloads.scale, size, term.name, default=1.0), zeros)
-    past = term.overloads.history_length
     return once if past < 2 else [*(Channel("other", f"{one.name}, earlier") for one in once * (past - 1)), *once]
 
 
 def _action(term: Action) -> list[Channel]:
     kind, names = ACTIONS.get(term.name, "other"), list(term.joint_names)
     size = term.shape[-1] if term.shape else len(names)
+    check_size(term.name, size)
     if not names:
         names = [f"{term.name}[{k}]" for k in range(size)]
     if len(names) != size:

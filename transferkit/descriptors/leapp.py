@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import msgspec
 
-from transferkit.descriptors.form import AXES, Channel, Descriptor
+from transferkit.descriptors.form import AXES, Channel, Descriptor, check_size
 from transferkit.reading import FormatError, Size
 
 if TYPE_CHECKING:
@@ -98,6 +98,7 @@ def read_leapp(file: Leapp) -> Descriptor:
 
 def _channels(port: Port) -> list[Channel]:
     size = math.prod(port.shape)
+    check_size(port.name, size)
     kind = KINDS.get(port.kind or "", OTHER)
     names = _names(port, size)
     if names is None:

@@ -45,8 +45,9 @@ def remap(descriptor: Descriptor, spec: IOSpec) -> Remap | None:
         scale.append(channel.scale / measured.scale if known else 1.0)
         shift.append(channel.scale * (measured.zero - channel.zero) + 0.0 if known else 0.0)
     outputs = [[j for j, channel in enumerate(descriptor.action) if one.is_of(channel)] for one in pushed]
-    whole = sorted(source) == list(range(spec.obs_dim)) and len(descriptor.action) == spec.act_dim
-    if not whole or not all(outputs) or not all(one.scale for one in pushed):
+    each = sorted(at[0] for at in outputs if at) == list(range(spec.act_dim)) and len(descriptor.action) == spec.act_dim
+    idle = any(channel.zero for channel in descriptor.action)  # an output of 0 is a command, which no order or unit mends
+    if sorted(source) != list(range(spec.obs_dim)) or not each or idle or not all(one.scale for one in pushed):
         return None
     units = tuple(descriptor.action[at[0]].scale / one.scale for at, one in zip(outputs, pushed, strict=True))
     return Remap(tuple(source), tuple(scale), tuple(shift), tuple(at[0] for at in outputs), units)

@@ -47,6 +47,8 @@ class DistillConfig:
     def __post_init__(self) -> None:
         check(self)
         check_name(self.name)
+        if self.members is not None and len({*self.members}) < len(self.members):
+            raise SettingError("members", value=self.members, allowed="different from each other")
         if self.steps < ENVS * self.rounds:
             raise SettingError("steps", value=self.steps, allowed=f"at least {ENVS} in each of {self.rounds} rounds")
 

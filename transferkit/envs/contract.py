@@ -45,7 +45,7 @@ class Contract(gymnasium.Wrapper):
         self._centre, self._half_range = (self.low + self.high) / 2, (self.high - self.low) / 2
         self.clip, self._limit = clip, 1.0 if clip else np.inf
         self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
-        self._given_up = max_episode_steps is None
+        self.max_episode_steps = max_episode_steps
         self._steps = 0
 
     def reset(
@@ -86,7 +86,7 @@ class Contract(gymnasium.Wrapper):
         self._check(observation, reward, info)
         if self._steps >= self._most and not terminated and not truncated:
             truncated = True
-            if self._given_up:
+            if self.max_episode_steps is None:
                 _say_given_up(name_of(self.env))
         return observation, reward, terminated, truncated, info
 
@@ -167,9 +167,9 @@ def dims(env: gymnasium.Env) -> tuple[int, int]:
 
 def episode_limit(env: gymnasium.Env) -> int | None:
     """Control steps until the environment truncates; None if it never does."""
-    if env.spec is not None and env.spec.max_episode_steps is not None:
-        return env.spec.max_episode_steps
-    return getattr(env.unwrapped, "episode_limit", None)
+    limits = [env.max_episode_steps] if isinstance(env, Contract) else []
+    limits.append(getattr(env.unwrapped, "episode_limit", None) if env.spec is None else env.spec.max_episode_steps)
+    return min((limit for limit in limits if limit is not None), default=None)
 
 
 def time_step(env: gymnasium.Env) -> float:

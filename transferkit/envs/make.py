@@ -61,6 +61,7 @@ def make_env(
     if isinstance(raw, Contract):
         if (clip_actions or not raw.clip) and max_episode_steps is None:
             return raw
+        max_episode_steps = raw.max_episode_steps if max_episode_steps is None else max_episode_steps
         raw, clip_actions = raw.env, clip_actions and raw.clip
     name = name_of(env if isinstance(env, str) else raw)
     try:

@@ -11,7 +11,7 @@ from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
     from transferkit.envs import EnvLike
-    from transferkit.spec import IOSpec
+    from transferkit.spec import IOSpec, Joint
 
 FIXED, AFFINE = int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_AFFINE)
 
@@ -48,6 +48,11 @@ class Model:
     joints: Joints
     physics_step: float
     """Seconds."""
+
+    def gains(self, spec: IOSpec, joint: Joint) -> tuple[float, float]:
+        """Stiffness and damping of all servos that drive a joint, together."""
+        own = [drive for one, drive in zip(spec.action, self.drives, strict=True) if one.joint == joint.name]
+        return sum(drive.stiffness for drive in own), sum(drive.damping for drive in own)
 
 
 def read_model(env: EnvLike, spec: IOSpec) -> Model | None:

@@ -125,17 +125,14 @@ def _action(kind: str, pairs: Sequence[tuple[Actuator, Drive]], names: dict[str,
 
 def _articulation(spec: IOSpec, model: Model) -> dict[str, Any]:
     """Of all joints; gains are those of servos, without which a joint has none."""
-    driven = {one.joint: drive for one, drive in zip(spec.action, model.drives, strict=True)}
-    gains = [driven.get(joint.name) for joint in spec.joints]
+    gains = [model.gains(spec, joint) for joint in spec.joints]
     return {
         "joint_names": [joint.model_name for joint in spec.joints],
         "default_joint_pos": [joint.reference for joint in spec.joints],
         "default_joint_vel": [0.0] * len(spec.joints),
         "default_joint_pos_limits": [list(joint.range) if joint.range else None for joint in spec.joints],
-        "default_joint_stiffness": [0.0 if one is None else one.stiffness for one in gains],
-        "default_joint_damping": [
-            passive + (0.0 if one is None else one.damping) for passive, one in zip(model.joints.damping, gains, strict=True)
-        ],
+        "default_joint_stiffness": [stiffness for stiffness, _ in gains],
+        "default_joint_damping": [passive + damping for passive, (_, damping) in zip(model.joints.damping, gains, strict=True)],
         "default_joint_friction": list(model.joints.friction),
         "default_joint_armature": list(model.joints.armature),
     }

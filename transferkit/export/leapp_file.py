@@ -57,6 +57,11 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
         raise ConfigError(
             f"actuator {servo} has gains or a state of its own, and a torque is not what it takes", remedy="leave out {leapp}"
         )
+    if subject.policy.hold > 1 and any(element.age for element in spec.observation):
+        raise ConfigError(
+            f"the policy acts once in {subject.policy.hold} control steps and sees single earlier ones: LEAPP cannot say it",
+            remedy="leave out {leapp}",
+        )
     deployed = Deployed(exported_policy(subject, spec), ports_of(spec), spec).eval()
     examples = tuple(torch.zeros(1, size) for size in deployed.inputs.values())
     program = onnx_program(deployed, examples, list(deployed.inputs), list(deployed.outputs))

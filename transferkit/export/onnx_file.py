@@ -123,8 +123,8 @@ def onnx_program(
 def _about(subject: Subject, spec: IOSpec) -> dict[str, Any]:
     """What the numbers are, each value as JSON; the keys that mjlab has too are named as there, at full precision."""
     names, model = Names.of(spec), read_model(subject.env, spec)
-    gains = {} if model is None else {one.joint: drive for one, drive in zip(spec.action, model.drives, strict=True)}
     driven = [joint for actuator in spec.action for joint in spec.joints if joint.name == actuator.joint]
+    gains = [] if model is None else [model.gains(spec, joint) for joint in driven]
     return {
         "env": spec.env_id,
         "observation_names": names.observation,
@@ -136,10 +136,10 @@ def _about(subject: Subject, spec: IOSpec) -> dict[str, Any]:
         "joints": [asdict(joint) for joint in spec.joints],
         "joint_names": [joint.model_name for joint in driven],
         "default_joint_pos": [joint.reference for joint in driven],
-        "joint_stiffness": [gains[joint.name].stiffness for joint in driven] if gains else [],
-        "joint_damping": [gains[joint.name].damping for joint in driven] if gains else [],
+        "joint_stiffness": [stiffness for stiffness, _ in gains],
+        "joint_damping": [damping for _, damping in gains],
         "action_scale": [actuator.gear for actuator in spec.action],
-        "command_kinds": [drive.command for drive in gains.values()],
+        "command_kinds": [] if model is None else [drive.command for drive in model.drives],
         "command_names": [],
         "time_step": spec.time_step,
         "hold": subject.policy.hold,

@@ -51,7 +51,7 @@ def ports_of(spec: IOSpec) -> Ports:
     """Find what has to be measured for the observations of a spec."""
     names = {joint.name: joint.model_name for joint in spec.joints}
     used = {kinds: _joints(spec, kinds) for kinds in (OF_POSITION, OF_VELOCITY)}
-    others = dict.fromkeys(_now(one) for one in spec.observation if _source(one) is None and one.quantity != "action")
+    others = dict.fromkeys(one.name_now for one in spec.observation if _source(one) is None and one.quantity != "action")
     measured = [*((kind, name) for kind, joints in used.items() for name in joints), *((None, name) for name in others)]
     past = max((one.age for one in spec.observation if one.quantity != "action"), default=0)
     actions = max((one.age + 1 for one in spec.observation if one.quantity == "action"), default=0)
@@ -84,14 +84,9 @@ def _columns(element: Element, spec: IOSpec, measured: Sequence[tuple[object, st
     if element.quantity == "action":
         names = [f"{actuator.name}.action" for actuator in spec.action]
         first = len(measured) * (past + 1) + spec.act_dim * element.age
-        return [(first + names.index(_now(element)), 1.0)]
+        return [(first + names.index(element.name_now), 1.0)]
     first, kinds = len(measured) * element.age, _source(element)
     if kinds is not None:
         joints = zip(element.joints, element.coefficients, strict=True)
         return [(first + measured.index((kinds, name)), value) for name, value in joints]
-    return [(first + measured.index((None, _now(element))), 1.0)]
-
-
-def _now(element: Element) -> str:
-    """The name that an element has without its age."""
-    return element.name.removesuffix(f"[t-{element.age}]")
+    return [(first + measured.index((None, element.name_now)), 1.0)]

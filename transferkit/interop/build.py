@@ -154,7 +154,7 @@ def _normalizer(statistics: Statistics, obs_dim: int) -> tuple[dict[str, Tensor]
 def _log_std(foreign: Foreign, given: Given, actions: Actions) -> tuple[Tensor, list[str]]:
     low, high = gaussian.LOG_STD_BOUNDS
     if given.std is None and foreign.log_std is not None:
-        log_std = foreign.log_std + actions.scale.log()
+        log_std = foreign.log_std + actions.scale.abs().log()
         beyond = bool(((log_std < low) | (log_std > high)).any())
         return log_std, ["its exploration is outside the range of a core's and is clipped"] * beyond
     std = STD if given.std is None else given.std

@@ -26,6 +26,9 @@ ACTIVATIONS = {
 }
 """Names in ONNX, ours, and the `alpha` that ours has."""
 
+LONGEST = 1000
+"""Operations of a chain."""
+
 PASS = ("Identity", "Flatten", "Dropout", "Expand")
 """Operations that change no number of a row; torch's distributions expand to the shape that is there."""
 
@@ -83,13 +86,13 @@ def steps_of(data: bytes) -> list[Step]:
     except Exception:  # of protobuf, in many lines
         raise FormatError("it is not an ONNX model, or damaged") from None
     graph = _Graph(onnx, model.graph, len(data))
-    steps, value, start = [], graph.output, graph.input
-    while value != start:
+    steps, value = list[Step](), graph.output
+    for _ in range(LONGEST):
+        if value == graph.input:
+            return steps[::-1]
         step, value = graph.step(value)
         steps += [] if step is None else [step]
-        if len(steps) > 1000:
-            raise FormatError("its graph is not a chain")
-    return steps[::-1]
+    raise FormatError(f"its graph is not a chain of at most {LONGEST} operations")
 
 
 class _Graph:

@@ -38,7 +38,7 @@ def save_match(pairing: Pairing, path: str | Path) -> None:
     check_new(Path(path), "yaml", ".yaml")
     text = HEAD.format(source=pairing.source, target=pairing.target)
     text += yaml.safe_dump(as_plain(pairing), sort_keys=False, default_flow_style=None, width=120)
-    with new_file(Path(path), "match") as temporary:
+    with new_file(Path(path), "yaml") as temporary:
         temporary.write_text(text)
 
 

@@ -244,7 +244,8 @@ class Session:
     @property
     def _good_enough(self) -> bool:
         stop_at = self.schedule.stop_at
-        return stop_at is not None and self._evaluated > 0 and self._scores.get("return_mean", -np.inf) >= stop_at
+        trained = self._evaluated > self._charged.steps
+        return stop_at is not None and trained and self._scores.get("return_mean", -np.inf) >= stop_at
 
     @property
     def _evaluation_is_due(self) -> bool:

@@ -112,6 +112,14 @@ def test_random_steps_last_to_the_end_of_an_episode_but_not_for_ever(agent):
         assert own(endless) == (added == 30)
 
 
+def test_actors_learn_every_second_update_however_long_an_action_is_held(agent):
+    made = agent(updates_per_step=1, actor_every=2)
+    for _ in range(8):
+        made.steps += 4  # as if an action had been held for four steps
+        made.learn()
+    assert (updates(made.critic_optimizer), updates(made.actor_optimizer)) == (8, 4)
+
+
 def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(full_core, pendulum_spec):
     observation, generator = torch.randn(8, 4, generator=Streams(0).torch("x")), Streams(0).torch("transitions")
     moved = {}

@@ -32,6 +32,15 @@ def test_gae_by_hand():
     assert found == pytest.approx([a0 + v0, a1 + v1], abs=1e-6)
 
 
+@pytest.mark.parametrize("normalized", ["rollout", "batch"])
+@pytest.mark.parametrize(("steps", "batch"), [(1, 64), (3, 2)])
+def test_one_sample_alone_spoils_nothing(normalized, steps, batch):
+    ppo = algorithm(normalize_advantage=normalized, rollout="steps", batch_size=batch)
+    losses = ppo.learn(play(ppo, [step(1.0)] * steps))
+    assert np.isfinite([*losses.values()]).all()
+    assert torch.isfinite(parameters_to_vector(ppo.policy.parameters())).all()
+
+
 def test_a_time_out_is_bootstrapped_with_the_true_final_observation():
     ppo = algorithm(gamma=0.9)
     expected = 1.0 + 0.9 * value(ppo, (5.0, 5.0))

@@ -84,7 +84,7 @@ class Agent:
         self.first_policy = self._copy(policy) if policy.has_core and config.anchor else None
         self.networks, self.programs = Networks(actor, critics, self.first_policy), programs(device, compiles=compiles)
         self._warming_up = config.random_steps > 0 and not policy.has_core
-        self._rewarded, self._held, self.steps, self._age = False, None, 0, 0
+        self._rewarded, self._held, self.steps, self.updates, self._age = False, None, 0, 0, 0
         self.losses: dict[str, Tensor] = {}
         self.set_progress(0.0, 0.0)
 
@@ -217,6 +217,7 @@ class Agent:
             "generators": [generator.get_state() for generator in self._generators()],
             "buffer": self.buffer.state(),
             "steps": self.steps,
+            "updates": self.updates,
             "age": self._age,
             "held": [] if self._held is None else [self._held.state()],
             "warming_up": self._warming_up,
@@ -235,6 +236,7 @@ class Agent:
             generator.set_state(saved)
         self.buffer.restore(state["buffer"])
         self.steps, self._age = state.get("steps", self.buffer.added), int(state.get("age", 0))
+        self.updates = int(state.get("updates", 0))
         held = [Held.restored(one, (self.buffer.obs_dim, self.buffer.act_dim)) for one in state.get("held", [])]
         self._held = held[0] if held else None
         self._warming_up = state["warming_up"]
@@ -276,7 +278,9 @@ class Agent:
     def _descend(self, batch: Batch, target: Tensor) -> None:
         """Update the critics with every minibatch and the actor with some, a few at once."""
         count, every = self.config.updates_per_step, self.config.actor_every
-        with_actor = [(self.steps * count + k) % every == 0 for k in range(count)]
+        first = self.updates or self.steps * count  # as runs counted before an action could be held
+        self.updates = first + count
+        with_actor = [(first + k) % every == 0 for k in range(count)]
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import rsl_rl.algorithms
@@ -60,6 +60,9 @@ def update_minibatch(
 
     `rates` are both optimisers' of this step, for a learning rate of one; `learning_rate` follows the KL divergence in place.
     """
+    if rule.normalize_advantage_per_mini_batch and len(minibatch.actions) == 1:  # rsl_rl divides by its deviation, NaN
+        minibatch = minibatch._replace(advantages=torch.zeros_like(minibatch.advantages))
+        rule = replace(rule, normalize_advantage_per_mini_batch=False)
     models = _Actor(actor, rule, minibatch), _Critic(critic)
     optimizer = _Optimizer(models, rates, learning_rate, rule.max_grad_norm)
     stand_in = _Algorithm(rule, *models, optimizer, OneMinibatch(minibatch))
