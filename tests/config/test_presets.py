@@ -10,19 +10,19 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "70a8a14206963cf1",
-    "ppo default-v2": "8de8052e77c55157",
-    "ppo default-v3": "554a9d44b9a04075",
-    "ppo default-v4": "0f9ada507abbba1f",
-    "ppo default-v5": "564f63ccc9ceb5d6",
-    "ppo paper-v1": "6a72f34d48203e4e",
-    "dyna-ddpg default-v1": "573a1a16237533d8",
-    "dyna-ddpg default-v2": "b5eb66bceeb313ab",
-    "dyna-ddpg default-v3": "d5a0c6cfb6d749d9",
-    "dyna-ddpg paper-v1": "e7658a66139465f9",
-    "dyna-ppo default-v1": "70a8a14206963cf1",
-    "dyna-ppo default-v2": "53dc7af3c36f5b8d",
-    "dyna-ppo default-v3": "cf8087d2fb8dcc6d",
+    "ppo default-v1": "92774019ab055963",
+    "ppo default-v2": "e61468922c236b48",
+    "ppo default-v3": "1139c09cb0e2a52c",
+    "ppo default-v4": "b1aa68f2a32a5fe0",
+    "ppo default-v5": "f217e5c454bbb51c",
+    "ppo paper-v1": "01eb62b90ea64b12",
+    "dyna-ddpg default-v1": "02a3690463792ded",
+    "dyna-ddpg default-v2": "2ea38113f7d41e9f",
+    "dyna-ddpg default-v3": "36c54bb641f736fb",
+    "dyna-ddpg paper-v1": "5fcb476a42d79217",
+    "dyna-ppo default-v1": "92774019ab055963",
+    "dyna-ppo default-v2": "c894fa1f35427180",
+    "dyna-ppo default-v3": "0b1146df8797e853",
 }
 
 

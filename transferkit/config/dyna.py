@@ -57,6 +57,9 @@ class DynaConfig:
     """Transitions per update."""
     updates_per_step: Annotated[int, Range(1, 1000)] = 5
     """Critic updates per environment step, or per action if that is held for several (Chen et al. 2021 take 20)."""
+    even_updates: bool = False
+    """As many updates in a second of experience for a core as from scratch: one that acts more often than every `hold_seconds`
+    has as many fewer after each action."""
     actor_every: Annotated[int, AT_LEAST_ONE] = 2
     """Critic updates per actor update (Fujimoto et al. 2018)."""
     exploration_noise: Annotated[float, NOT_NEGATIVE] = 0.3
@@ -118,6 +121,11 @@ class DynaConfig:
     def hold_steps(self, time_step: float) -> int:
         """Steps of this many seconds for which an action is held."""
         return max(1, round(self.hold_seconds / time_step)) if time_step else 1
+
+    def updates(self, hold: int, time_step: float) -> int:
+        """Critic updates after an action that is held for this many steps of this many seconds."""
+        share = hold / self.hold_steps(time_step) if self.even_updates else 1.0
+        return math.ceil(share * self.updates_per_step)
 
     def discount(self, time_step: float) -> float:
         """The discount per step of an environment with this time step in seconds; 0 for one that has none."""

@@ -99,7 +99,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     "dyna-ddpg": {
         "default-v1": Preset(network=DDPG_NETWORK),
         "default-v2": Preset(network=DDPG_NETWORK, dyna=FIVE_CRITICS, wrap=MECHANISM),
-        "default-v3": Preset(network=DDPG_NETWORK, dyna=replace(FIVE_CRITICS, anchor_holds=True), wrap=KEPT),
+        "default-v3": Preset(network=DDPG_NETWORK, dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True), wrap=KEPT),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(

@@ -120,6 +120,13 @@ def test_actors_learn_every_second_update_however_long_an_action_is_held(agent):
     assert (updates(made.critic_optimizer), updates(made.actor_optimizer)) == (8, 4)
 
 
+def test_a_core_that_acts_more_often_has_as_many_updates_in_a_second():
+    every = DynaConfig(updates_per_step=10, hold_seconds=0.03)
+    even = replace(every, even_updates=True)
+    assert (every.updates(1, 0.008), even.updates(1, 0.008), even.updates(4, 0.008)) == (10, 3, 10)  # 2.5 an action
+    assert (even.updates(1, 0.0), even.updates(2, 0.01)) == (10, 7)
+
+
 def test_a_core_acts_from_the_first_step_and_is_held_to_what_it_did(full_core, pendulum_spec):
     observation, generator = torch.randn(8, 4, generator=Streams(0).torch("x")), Streams(0).torch("transitions")
     moved = {}

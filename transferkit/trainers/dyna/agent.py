@@ -67,6 +67,7 @@ class Agent:
         self.hold = policy.hold if policy.has_core else config.hold_steps(time_step)  # a core acts at the rate it learnt
         self.step_discount = config.discount(time_step)
         self.discount = self.step_discount**self.hold
+        self.updates_per_action = config.updates(self.hold, time_step)
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
         self.returns = RunningReturn(1, self.step_discount)
         groups = policy.parameter_groups()
@@ -250,9 +251,9 @@ class Agent:
         self.losses["model"] = torch.tensor(loss)
 
     def _batches(self) -> Tensor:
-        """Draw rows `(updates_per_step, batch_size, width)`, the model's share of them imagined."""
+        """Draw rows `(updates_per_action, batch_size, width)`, the model's share of them imagined."""
         config = self.config
-        count, size = config.updates_per_step, config.batch_size
+        count, size = self.updates_per_action, config.batch_size
         imagined = round(config.model_share * count * size) if self.fitted else 0
         if not imagined:
             return self.buffer.sample((count, size), self.batches, config.early_share)
@@ -277,7 +278,7 @@ class Agent:
 
     def _descend(self, batch: Batch, target: Tensor) -> None:
         """Update the critics with every minibatch and the actor with some, a few at once."""
-        count, every = self.config.updates_per_step, self.config.actor_every
+        count, every = self.updates_per_action, self.config.actor_every
         first = self.updates or self.steps * count  # as runs counted before an action could be held
         self.updates = first + count
         with_actor = [(first + k) % every == 0 for k in range(count)]
