@@ -124,8 +124,9 @@ class DynaConfig:
 
     def updates(self, hold: int, time_step: float) -> int:
         """Critic updates after an action that is held for this many steps of this many seconds."""
-        share = hold / self.hold_steps(time_step) if self.even_updates else 1.0
-        return math.ceil(share * self.updates_per_step)
+        if not self.even_updates:
+            return self.updates_per_step
+        return math.ceil(hold * self.updates_per_step / self.hold_steps(time_step))
 
     def discount(self, time_step: float) -> float:
         """The discount per step of an environment with this time step in seconds; 0 for one that has none."""
