@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from experiments.matrix.arms import ZERO_ACTION
 from experiments.report.ladder import ORDER
+from experiments.report.tables import source_steps
 from experiments.report.verdict import SCRATCH, TRANSFER
 from experiments.study.cells import difference, short, whole
 from transferkit import stats
@@ -20,16 +22,19 @@ if TYPE_CHECKING:
     from experiments.study.rooms import Study
 
 HEADER = (
-    *("rung", "core on target", "area: core, scratch", "core minus scratch"),
-    *("end: core, scratch", "core minus scratch", "below scratch's lower quartile", "steps saved"),
+    *("rung", "core on target", "source steps", "doing nothing", "area: core, scratch", "difference, as judged"),
+    *("first: core, scratch", "end: core, scratch", "difference", "learner around the core"),
+    *("below scratch's lower quartile", "steps saved"),
 )
 
 
 def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
     """Every comparison with a core, rung by rung; of these trainers, or of all.
 
-    *Steps saved* is how many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over
-    seeds. The threshold is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end above it.
+    Differences are core minus scratch; that of areas has the interval that decides, for four comparisons. The *learner* is the
+    mean return of the last 50 training episodes, with noise, also of runs for which the untrained core stands in. *Steps saved*
+    is how many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over seeds. The
+    threshold is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end above it.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target))
@@ -37,10 +42,19 @@ def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
 
 
 def _cells(study: Study, group: Group) -> list[str]:
-    pairs = [_pair(values) for values in (group.areas, group.scores)]
-    area, end = (difference(found) for found in (group.verdict.gained, group.verdict.scratch))
+    area, first, end = (_pair(group.measured(name)) for name in ("area", "first_return_mean", "eval_return_mean"))
+    nothing = [row.eval_return_mean for row in study.rows if (row.target, row.arm) == (group.target, ZERO_ACTION)]
+    learner = [row.last_50_mean for row in group.arms[TRANSFER].rows if math.isfinite(row.last_50_mean)]
     name = f"`{group.core}` on {short(group.target)}"
-    return [group.rung, name, pairs[0], area, pairs[1], end, _worse(group), _saved(study, group)]
+    spent = source_steps(group.core)
+    known = ["-" if spent is None else f"{spent:,.0f}", _mean(nothing)]
+    differences = difference(group.verdict.primary.get(SCRATCH)), difference(group.verdict.scratch)
+    start = [group.rung, name, *known, area, differences[0], first, end, differences[1]]
+    return [*start, _mean(learner), _worse(group), _saved(study, group)]
+
+
+def _mean(values: Sequence[float]) -> str:
+    return whole(float(np.mean(values))) if values else "-"
 
 
 def _pair(scores: dict[str, Array]) -> str:

@@ -154,7 +154,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v3": Preset(ppo=IMAGINED_PPO, wrap=KEPT),
     },
 }
-"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` and `default-v3` of PPO, `default-v1` and `default-v2`
+"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v4` of PPO, `default-v1` and `default-v2`
 of the others until 2026-11-28; `paper-v1` follows the paper's code (docs: departures)."""
 
 
