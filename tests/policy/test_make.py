@@ -1,4 +1,5 @@
 import copy
+import math
 
 import numpy as np
 import pytest
@@ -133,3 +134,13 @@ def test_a_constant_policy_is_rebuilt_from_its_blueprint():
     mean, log_std = twin(torch.zeros(4, 3))
     assert mean.tolist() == [[0.5, -0.5]] * 4
     assert log_std.tolist() == [[0.0, 1.0]] * 4  # bounded
+
+
+def test_a_core_explores_at_least_as_much_as_is_asked_for():
+    core = load_core("half-cheetah-v1")
+    own, wider = (wrap(core, "HalfCheetah-v5", preset="default-v3", least_std=least) for least in (0.0, 0.05))
+    observation = torch.zeros(1, 17)
+    torch.testing.assert_close(wider(observation)[0], own(observation)[0])
+    assert own.log_std.exp().min() < 0.05
+    torch.testing.assert_close(wider.log_std, own.log_std.clamp(min=math.log(0.05)))
+    assert wrap(core, "HalfCheetah-v5").log_std.exp().min().item() == pytest.approx(0.2)

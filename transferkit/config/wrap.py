@@ -45,6 +45,9 @@ class WrapConfig:
     core sees no more elements than its source had: without a way around it, larger robots are hardly learnt."""
     init_std: Annotated[float, POSITIVE] = 0.6
     """Initial standard deviation of actions that no core action was matched with."""
+    least_std: Annotated[float, NOT_NEGATIVE] = 0.0
+    """Least initial standard deviation of any action: a core that was trained to its end hardly explores, and what does not
+    explore does not learn. 0 keeps the core's own."""
     freeze: Mapping[str, float] = field(default_factory=dict)
     """For each part (`core`, `input_adapter`, ...) the share of the budget during which it does not learn: 1 for all of
     it, 0.5 to unfreeze it half way."""

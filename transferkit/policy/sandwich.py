@@ -61,7 +61,7 @@ class Sandwich(Policy):
         self.output_finetune = ResidualLinear(d_tap) if config.finetune else nn.Identity()
         head = core.mean_head if features else None
         self.output_adapter = output_adapter(d_tap, target.act_dim, match, head, generators.get("output_adapter"))
-        self.log_std = nn.Parameter(_initial_log_std(core, match, target.act_dim, config.init_std))
+        self.log_std = nn.Parameter(_initial_log_std(core, match, target.act_dim, config))
         self.residual = self._residual_column(config.residual, generators.get("residual")) if config.residual else None
         self._check_part_names()
 
@@ -186,12 +186,12 @@ class Sandwich(Policy):
         return nn.Sequential(hidden, Linear(width, self.act_dim))
 
 
-def _initial_log_std(core: PolicyNet | ComposedNet, match: Match | None, act_dim: int, init_std: float) -> Tensor:
+def _initial_log_std(core: PolicyNet | ComposedNet, match: Match | None, act_dim: int, config: WrapConfig) -> Tensor:
     """Take the configured one, and the core's own for actuators that drive what the core drove."""
-    log_std = torch.full((act_dim,), math.log(init_std))
+    log_std = torch.full((act_dim,), math.log(config.init_std))
     if match is not None and core.architecture.std == "parameter":
         for k, row in enumerate(match.action_weight):
             for j, weight in enumerate(row):
                 if weight:
                     log_std[k] = core.log_std.detach()[j % len(core.log_std)]  # its own, in the target's action range
-    return log_std
+    return log_std.clamp(min=math.log(config.least_std)) if config.least_std else log_std
