@@ -10,7 +10,7 @@ import numpy as np
 from experiments.matrix.arms import ZERO_ACTION
 from experiments.report.ladder import ORDER
 from experiments.report.tables import source_steps
-from experiments.report.verdict import SCRATCH, TRANSFER
+from experiments.report.verdict import REFUSED, SCRATCH, TRANSFER
 from experiments.study.cells import difference, short, whole
 from transferkit import stats
 
@@ -74,6 +74,8 @@ def _saved(study: Study, group: Group) -> str:
     if threshold <= alone:
         return "-"
     core, needed = (_needed(study, group, name, threshold) for name in (TRANSFER, SCRATCH))
+    if np.isinf(np.median(core)):
+        return "-"
     least = _needed(study, group, SCRATCH, threshold, censored=True)[0]
     times = stats.data_efficiency(least, core)
     low, high = stats.data_efficiency_interval(least, core)
@@ -94,7 +96,9 @@ def _needed(study: Study, group: Group, arm: str, threshold: float, *, censored:
 
 
 def _verdict(group: Group) -> str:
-    refused = f", refused in {group.refused:.0%}" if group.refused else ""
+    refused = f"refused in {group.refused:.0%}"
+    if group.verdict.kind == REFUSED:
+        return refused
     members = group.verdict_of_members
     both = group.verdict.kind if members == group.verdict.kind else f"{group.verdict.kind}; of these members {members}"
-    return both + refused
+    return f"{both}, {refused}" if group.refused else both
