@@ -85,7 +85,8 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
     spec = derive_spec(env)
     about = {"teacher": teacher, "env": spec.env_id, "recipe": _plain(recipe)}
     students = [_student(teacher, env, member, recipe, work, about, report) for member in members]
-    seeds = tuple(recipe.seed if member is None else find_card(teacher).seeds[member] for member in members)
+    own = find_card(teacher).seeds if _has_card(teacher) else ()
+    seeds = tuple(own[member] if own and member is not None else recipe.seed for member in members)
     components = {
         "policy": stack_members([one.policy.network.state_dict() for one in students]),
         "normalizer": stack_members([one.policy.normalizer.state_dict() for one in students if one.policy.normalizer]),
