@@ -13,9 +13,13 @@ Limbs = Literal["one", "all"]
 Angles = Literal["own", "carried"]
 """Whether a hinge whose partner carries more hinges than it does reads the partner's own angle, or that of all it carries."""
 
-Forces = Literal["auto", "acceleration", "load"]
-"""What an action keeps: the acceleration that it causes, or the torque for the weight and length of the robot; auto takes the
-load where both robots stand on their limbs."""
+Kept = Literal["acceleration", "load", "greater"]
+"""What an action keeps: the acceleration that it causes, its torque for the robot's weight and length (load), or the load but
+on a lighter robot no less than the acceleration takes (greater)."""
+
+Forces = Literal["auto", "acceleration", "load", "greater"]
+"""How that is chosen: auto takes the load, and greater takes greater, if both robots stand on their limbs; else both take the
+acceleration."""
 
 Combination = dict[str, float]
 """Coefficients by name."""
@@ -47,7 +51,7 @@ class Pairing:
     """Lengths of the source over those of the target."""
     hold: int = 1
     """Control steps of the target for which an action is held."""
-    forces: Literal["acceleration", "load"] = "acceleration"
+    forces: Kept = "acceleration"
     """How the factors of the actions were found."""
 
     def __post_init__(self) -> None:

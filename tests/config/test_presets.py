@@ -15,15 +15,15 @@ FROZEN = {
     "ppo default-v3": "555c1a3245a1a85f",
     "ppo default-v4": "418f01d3dbb6708e",
     "ppo default-v5": "ef2df0185df62455",
-    "ppo default-v6": "6d22eab8f2bcd88b",
+    "ppo default-v6": "11a27c433e0a5ff3",
     "ppo paper-v1": "29adefa06f7c9ef8",
     "dyna-ddpg default-v1": "ebe6eb20001ac35c",
     "dyna-ddpg default-v2": "b916284ac5bcbbde",
-    "dyna-ddpg default-v3": "0c7c51567680d32b",
+    "dyna-ddpg default-v3": "e2dc9970876cb662",
     "dyna-ddpg paper-v1": "31b881eb9d92db74",
     "dyna-ppo default-v1": "66e969ff331a942d",
     "dyna-ppo default-v2": "aa2687d60dfcb68f",
-    "dyna-ppo default-v3": "b360030aaf97b046",
+    "dyna-ppo default-v3": "648deb898fe8225d",
 }
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from transferkit.envs import derive_spec, environment_ids
 from transferkit.matching import compiled, coverage, explain, pair
+from transferkit.matching.scales import Strength, factors
 
 ONE, TWO, CARTPOLE = "InvertedPendulum-v5", "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
 HOPPER, WALKER, CHEETAH = "Hopper-v5", "Walker2d-v5", "HalfCheetah-v5"
@@ -25,9 +26,10 @@ def partners(pairing, source, target, copy=0):
     return {own[one]: others[next(iter(reads))] for one, reads in pairing.copies[copy].joints.items()}
 
 
+@pytest.mark.parametrize("forces", ["auto", "greater"])
 @pytest.mark.parametrize("env_id", environment_ids())
-def test_a_spec_on_itself_is_the_identity(env_id):
-    _, match, spec, _ = matched(env_id, env_id, limbs="all", angles="carried", forces="auto")
+def test_a_spec_on_itself_is_the_identity(env_id, forces):
+    _, match, spec, _ = matched(env_id, env_id, limbs="all", angles="carried", forces=forces)
     np.testing.assert_array_equal(np.array(match.weight)[:, : spec.obs_dim], np.eye(spec.obs_dim))
     assert not np.any(np.array(match.weight)[:, spec.obs_dim :])
     assert (set(match.form), set(match.bias), match.copies, match.hold) == ({"linear"}, {0.0}, 1, 1)
@@ -98,6 +100,29 @@ def test_what_stands_keeps_its_torque_for_weight_and_length_and_what_swings_its_
     )
     assert pair(source, target, forces="acceleration").copies[0].actions["drive.hinge_y2"]["drive.hinge_y2"] < 0.2  # armature
     assert matched(ONE, CARTPOLE)[0].forces == "acceleration"
+
+
+def test_a_lighter_robot_keeps_what_its_acceleration_takes_and_a_heavier_one_its_load():
+    def shares(env_id, forces):
+        (copy,) = pair(derive_spec(HOPPER), derive_spec(env_id), forces=forces).copies
+        return [share for factors in copy.actions.values() for share in factors.values()]
+
+    light, heavy = f"{HOPPER}?vary.mass=0.5", f"{HOPPER}?vary.mass=2"
+    assert shares(light, "load") == pytest.approx([0.5] * 3)
+    assert shares(light, "greater") == shares(light, "acceleration")
+    assert all(0.5 < share < 1 for share in shares(light, "greater"))  # the armatures stay
+    assert shares(heavy, "greater") == shares(heavy, "load") == pytest.approx([2.0] * 3)
+
+
+def test_the_greater_of_both_is_no_more_than_the_force_itself():
+    own = Strength(acceleration=-6, load=3, force=10)
+    assert factors("acceleration", own, [Strength(2, 12, 20)]) == [-3]
+    assert factors("load", own, [Strength(2, -12, -20)]) == [-0.25]
+    assert factors("greater", own, [Strength(2, -12, -20)]) == [-0.5]  # 10 of 20, as 3 would be more than that
+    assert factors("greater", own, [Strength(20, 12, 20)]) == [pytest.approx(0.3)]
+    assert factors("greater", own, [Strength(20, 4, 20)]) == [0.75]
+    assert factors("greater", own, [Strength(10, 6, 10), Strength(10, -6, 10)]) == [0.3, -0.3]
+    assert factors("greater", own, [Strength(0, 0, 0)]) == [1.0]
 
 
 def test_an_action_lasts_as_long_as_one_of_the_source():

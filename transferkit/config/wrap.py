@@ -32,7 +32,7 @@ class WrapConfig:
     all that the partner carries, as far as they swing its centre of mass."""
     forces: Forces = "acceleration"
     """What an action keeps: the acceleration that it causes, or its torque for the robot's weight and length (load); auto keeps
-    the load if both robots stand on their limbs."""
+    the load if both robots stand on their limbs, and greater so, but on a lighter robot no less than the acceleration takes."""
     hold: Annotated[int, NOT_NEGATIVE] = 1
     """Control steps for which an action of the core is held; 0 for as many as last as long as one of its own, if both robots
     stand on their limbs, else 1."""

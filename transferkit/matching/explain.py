@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 KEPT = {
     "acceleration": "an action keeps the acceleration that it causes",
     "load": "an action keeps its torque for the robot's weight and length",
+    "greater": "an action keeps its torque for the robot's weight and length, or on a lighter one what its acceleration takes",
 }
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from transferkit.matching.align import Aligner
-from transferkit.matching.scales import hold_steps, kept, length_scale, mass, strength
+from transferkit.matching.scales import factors, hold_steps, kept, length_scale, mass, strength
 from transferkit.matching.tree import below, parallel
 from transferkit.pairing import Copy, Pairing
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from transferkit.matching.tree import Tree
-    from transferkit.pairing import Angles, Combination, Forces, Limbs
+    from transferkit.pairing import Angles, Combination, Forces, Kept, Limbs
     from transferkit.spec import Actuator, IOSpec, Joint
 
 MOST_COPIES = 8
@@ -46,10 +46,11 @@ def pair(
     aligner = Aligner(source, target)
     first = dict(aligner.of(None, None).pairs)
     keeps = kept(forces, source, target)
-    scale = length_scale(source, target, first, limbs=keeps == "load")
+    carries = keeps != "acceleration"
+    scale = length_scale(source, target, first, limbs=carries)
     every = _copied(aligner, _shared(aligner, first)) if limbs == "all" else [first]
     read = _Reader(source, target, aligner.trees, angles)
-    drive = Driver(source, target, scale, load=keeps == "load")
+    drive = Driver(source, target, scale, keeps)
     copies = []
     for number, pairs in enumerate(every):
         own = {one: other for one, other in pairs.items() if number == 0 or first.get(one) != other}
@@ -58,7 +59,7 @@ def pair(
         roots = [one for one in doubled if read.parents[0][one] not in doubled]
         bearing = {one: len({more.get(one) for more in every}) for one in own}
         copies.append(Copy(read.joints(pairs), drive.actions(own, bearing), dict.fromkeys(roots, apart) if apart else {}))
-    hold = hold_steps(source, target, scale) if keeps == "load" else 1
+    hold = hold_steps(source, target, scale) if carries else 1
     return Pairing(source.env_id, target.env_id, tuple(copies), scale, hold, keeps)
 
 
@@ -156,12 +157,12 @@ def swing(joint: Joint, other: Joint) -> float:
 class Driver:
     """What drives each actuator of a target."""
 
-    def __init__(self, source: IOSpec, target: IOSpec, scale: float, *, load: bool) -> None:
-        self._source, self._target, self._load = source, target, load
+    def __init__(self, source: IOSpec, target: IOSpec, scale: float, keeps: Kept) -> None:
+        self._source, self._target = source, target
+        self._keeps: Kept = keeps
         self._axes = tuple({joint.name: joint.axis for joint in spec.joints} for spec in (source, target))
-        masses = (mass(source), mass(target)) if load else (None, None)
-        self._own = {one.name: strength(one, scale, masses[0]) for one in source.action}
-        self._others = {one.name: strength(one, 1.0, masses[1]) for one in target.action}
+        self._own = {one.name: strength(one, scale, mass(source)) for one in source.action}
+        self._others = {one.name: strength(one, 1.0, mass(target)) for one in target.action}
 
     def actions(self, pairs: Pairs, bearing: Mapping[str, int]) -> dict[str, Combination]:
         """Find the factors of the source's actions for each actuator of the target that these pairs drive.
@@ -176,11 +177,9 @@ class Driver:
             driving = self._driving(actuator, pairs[joint])
             sharing = {one.joint for one in self._source.action if one.joint in pairs and pairs[one.joint] == pairs[joint]}
             sign = float(np.sign(np.dot(self._axes[0][joint], self._axes[1][pairs[joint]])))
-            sign /= bearing[joint] if self._load else len(sharing)
-            together = sum(abs(self._others[name]) for name in driving)
-            known = self._own[actuator.name] and together
-            for name in driving:
-                share = self._own[actuator.name] / together * float(np.sign(self._others[name])) if known else 1.0
+            sign /= len(sharing) if self._keeps == "acceleration" else bearing[joint]
+            shares = factors(self._keeps, self._own[actuator.name], [self._others[name] for name in driving])
+            for name, share in zip(driving, shares, strict=True):
                 found.setdefault(name, {})[actuator.name] = sign * share
         return found
 

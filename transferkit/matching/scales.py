@@ -3,7 +3,8 @@
 Motion is scaled by dynamic similarity (Froude): under the same gravity a mechanism `s` times as long moves alike when lengths
 scale with s, times with sqrt(s) and accelerations not at all. What swings freely keeps the acceleration that an action causes,
 with the length from its hinges to the load. What stands on its limbs keeps its torque for its weight and length, with the
-length of its limbs: the acceleration of a free limb says nothing of one that carries the robot.
+length of its limbs: the acceleration of a free limb says nothing of one that carries the robot. A lighter robot needs more than
+that, since friction, springs and rotors stay: no less than the acceleration takes, and no more than the source's torque.
 
 An action of what stands is held for as long as its core's own lasts, since a gait has a pace. What swings is balanced by
 feedback, the better the faster it comes: the pendulum's core keeps 998 of 1000 on the cart-pole in its steps of 0.01 s, and 876
@@ -14,12 +15,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from transferkit.pairing import Forces
+    from transferkit.pairing import Forces, Kept
     from transferkit.spec import Actuator, IOSpec
 
 UPRIGHT = 0.99
@@ -33,10 +34,12 @@ def stands(spec: IOSpec) -> bool:
     return any(joint.name not in driven and joint.mass > 0 for joint in falls)
 
 
-def kept(forces: Forces, source: IOSpec, target: IOSpec) -> Literal["acceleration", "load"]:
+def kept(forces: Forces, source: IOSpec, target: IOSpec) -> Kept:
     """What the actions keep."""
-    carries = forces == "load" or (forces == "auto" and stands(source) and stands(target))
-    return "load" if carries and mass(source) > 0 and mass(target) > 0 else "acceleration"
+    carries = forces == "load" or (forces in ("auto", "greater") and stands(source) and stands(target))
+    if not carries or not mass(source) or not mass(target):
+        return "acceleration"
+    return "greater" if forces == "greater" else "load"
 
 
 def length_scale(source: IOSpec, target: IOSpec, pairs: dict[str, str], *, limbs: bool) -> float:
@@ -85,12 +88,39 @@ def hold_steps(source: IOSpec, target: IOSpec, scale: float) -> int:
     return max(1, round(source.time_step / scale**0.5 / target.time_step))
 
 
-def strength(actuator: Actuator, length: float, mass: float | None) -> float:
-    """What an action of 1 does to a robot of this length and mass, free of both: its acceleration, or with a mass its force."""
+class Strength(NamedTuple):
+    """What an action of 1 does, free of the robot's length."""
+
+    acceleration: float
+    load: float
+    """Force for the robot's mass, 0 if that is not known."""
+    force: float
+    """In newtons, or newton metres."""
+
+
+def strength(actuator: Actuator, length: float, mass: float) -> Strength:
+    """What an actuator does to a robot of this length and mass."""
     lever = length if actuator.unit == "N m" else 1.0
-    if mass is None:
-        return actuator.authority * lever  # angular accelerations scale with 1 / length
-    return actuator.gear * (actuator.high - actuator.low) / 2 / (mass * lever)
+    force = actuator.gear * (actuator.high - actuator.low) / 2
+    load = force / (mass * lever) if mass else 0.0
+    return Strength(actuator.authority * lever, load, force)  # angular accelerations scale with 1 / length
+
+
+def factors(keeps: Kept, own: Strength, others: Sequence[Strength]) -> list[float]:
+    """Factors from an action of the source to those that do together what it does; 1 where strengths are not known."""
+    of = 0 if keeps == "acceleration" else 1
+    share = _share(of, own, others)
+    if not share:
+        return [1.0] * len(others)
+    if keeps == "greater":
+        enough = min(abs(_share(0, own, others)), abs(_share(2, own, others)))
+        share = math.copysign(max(abs(share), enough), share)
+    return [share * float(np.sign(other[of])) for other in others]
+
+
+def _share(of: int, own: Strength, others: Sequence[Strength]) -> float:
+    together = sum(abs(other[of]) for other in others)
+    return own[of] / together if together else 0.0
 
 
 def mass(spec: IOSpec) -> float:
