@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from experiments.study.rooms import Study
 
 HEADER = (
-    *("rung", "core on target", "source steps", "doing nothing", "area: core, scratch", "difference, as judged"),
+    *("rung", "core on target", "trainer", "source steps", "doing nothing", "area: core, scratch", "difference, as judged"),
     *("first: core, scratch", "end: core, scratch", "difference", "learner around the core"),
     *("below scratch's lower quartile", "steps saved"),
 )
@@ -37,7 +37,7 @@ def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
     threshold is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end above it.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
-    groups.sort(key=lambda group: (ORDER.index(group.rung), group.target))
+    groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
     return [[*HEADER, "verdict"], *([*_cells(study, group), _verdict(group)] for group in groups)]
 
 
@@ -49,7 +49,7 @@ def _cells(study: Study, group: Group) -> list[str]:
     spent = source_steps(group.core)
     known = ["-" if spent is None else f"{spent:,.0f}", _mean(nothing)]
     differences = difference(group.verdict.primary.get(SCRATCH)), difference(group.verdict.scratch)
-    start = [group.rung, name, *known, area, differences[0], first, end, differences[1]]
+    start = [group.rung, name, group.trainer, *known, area, differences[0], first, end, differences[1]]
     return [*start, _mean(learner), _worse(group), _saved(study, group)]
 
 

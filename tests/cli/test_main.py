@@ -53,6 +53,11 @@ def python(*code):
     return subprocess.run([sys.executable, *code], capture_output=True, text=True, check=True)
 
 
+def test_warnings_are_plain_words_after_dm_control_has_set_up_its_log():
+    show = "from transferkit.cli.main import main; main('envs show dm_control/cartpole-balance-v0 --json'.split())"
+    assert python("-c", f"{show}; import logging; logging.getLogger('transferkit').warning('of note')").stderr == "of note\n"
+
+
 def test_a_closed_pipe_is_no_error():
     process = subprocess.Popen([sys.executable, "-m", "transferkit", "zoo", "list"], stdout=-1, stderr=-1, text=True)
     process.stdout.close()

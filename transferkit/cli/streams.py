@@ -16,7 +16,9 @@ NARROWEST = 40
 
 
 def mend_surroundings() -> None:
-    """Open a stream that the caller has closed (`>&-`), so that no file gets its number; write what the locale cannot hold."""
+    """Open a stream that the caller has closed (`>&-`), so that no file gets its number; write what the locale cannot hold, and
+    warn in plain words.
+    """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             os.dup2(os.open(os.devnull, os.O_RDWR), number)
@@ -24,6 +26,7 @@ def mend_surroundings() -> None:
             setattr(sys, name, open(number, "w" if number else "r"))  # noqa: SIM115 - until the end
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+    logging.basicConfig(format="%(message)s")  # before dm_control's absl does, with a prefix
     logging.getLogger("transferkit").addFilter(_escape)
     os.environ["MPLBACKEND"] = "Agg"  # matplotlib cannot be imported if it names none
     if os.environ.get("COLUMNS", "").isdigit() and int(os.environ["COLUMNS"]) < NARROWEST:
