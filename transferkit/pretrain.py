@@ -11,7 +11,7 @@ import numpy as np
 
 from transferkit import stats
 from transferkit.budget import given_limits
-from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Items, Seed, check
+from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Different, Items, Seed, check
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
@@ -43,7 +43,7 @@ class Recipe:
     """Mean return that every member has to reach."""
     version: Annotated[int, AT_LEAST_ONE] = 1
     """Version of the artifact; a released one is never rewritten."""
-    seeds: Annotated[tuple[Seed, ...], Items(int(MEMBERS.high))] = (0, 1, 2, 3, 4)
+    seeds: Annotated[tuple[Seed, ...], Items(int(MEMBERS.high)), Different()] = (0, 1, 2, 3, 4)
     """Source seed of each member; none is left out afterwards."""
     zoo: Path = Path("zoo")
     """Folder the artifact goes into."""
@@ -59,8 +59,6 @@ class Recipe:
     def __post_init__(self) -> None:
         check(self)
         check_name(self.name)
-        if len({*self.seeds}) < len(self.seeds):
-            raise SettingError("seeds", value=self.seeds, allowed="different from each other")
 
     @property
     def id(self) -> str:

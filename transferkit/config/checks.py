@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import types
-from collections.abc import Mapping, Sized
+from collections.abc import Mapping, Sequence, Sized
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -45,6 +45,16 @@ class Items:
 
     def __str__(self) -> str:
         return f"at least one number and at most {self.most:,}"
+
+
+class Different:
+    """That no item of a list occurs twice, as `Annotated` metadata."""
+
+    def __contains__(self, items: Sequence[object]) -> bool:
+        return len(set(items)) == len(items)
+
+    def __str__(self) -> str:
+        return "different from each other"
 
 
 AT_LEAST_ONE, NOT_NEGATIVE, POSITIVE = Range(1), Range(0), Range(0, open_low=True)
@@ -100,7 +110,7 @@ def unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any
     if kind in (Union, types.UnionType):
         return "" if any(not unfit(value, one) for one in arguments) else unfit(value, arguments[0])
     if kind is Annotated:
-        return unfit(value, arguments[0]) or ("" if value in arguments[1] else str(arguments[1]))
+        return unfit(value, arguments[0]) or next((str(rule) for rule in arguments[1:] if value not in rule), "")
     if kind is Literal:
         return "" if value in arguments else _choice(value, arguments)
     if kind is tuple:

@@ -6,7 +6,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from transferkit.config.checks import AT_LEAST_ONE, BATCH, MEMBERS, NOT_NEGATIVE, POSITIVE, Hidden, Items, Seed, check
+from transferkit.config.checks import (
+    AT_LEAST_ONE,
+    BATCH,
+    MEMBERS,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Different,
+    Hidden,
+    Items,
+    Seed,
+    check,
+)
 from transferkit.errors import SettingError
 from transferkit.nn.policy_net import Activation
 from transferkit.zoo.release import check_name
@@ -24,7 +35,7 @@ class DistillConfig:
     version: Annotated[int, AT_LEAST_ONE] = 1
     zoo: str | Path = "zoo"
     """Folder the artifact goes into."""
-    members: Annotated[tuple[Annotated[int, NOT_NEGATIVE], ...], Items(int(MEMBERS.high))] | None = None
+    members: Annotated[tuple[Annotated[int, NOT_NEGATIVE], ...], Items(int(MEMBERS.high)), Different()] | None = None
     """Which of the teacher's members; by default all."""
     best: bool = False
     """Of a run: its best policy is the teacher, and not its final one."""
@@ -47,8 +58,6 @@ class DistillConfig:
     def __post_init__(self) -> None:
         check(self)
         check_name(self.name)
-        if self.members is not None and len({*self.members}) < len(self.members):
-            raise SettingError("members", value=self.members, allowed="different from each other")
         if self.steps < ENVS * self.rounds:
             raise SettingError("steps", value=self.steps, allowed=f"at least {ENVS} in each of {self.rounds} rounds")
 
