@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.runs import assert_same_tensors, interrupt_at, rows_without_times
-from transferkit import load_core, load_policy, run_training, scratch_policy, wrap
+from transferkit import load_core, load_policy, run_training, scratch_policy, train, wrap
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import make_env
@@ -155,6 +155,17 @@ def test_a_core_stands_in_for_what_is_learnt_while_that_is_behind(tmp_path, algo
     with pytest.raises(AssertionError):
         assert_same_tensors(learnt.state_dict(), untrained.state_dict())
     np.testing.assert_array_equal(*(rows_without_times(tmp_path / name, EpisodeRow) for name in ("run", "without")))
+
+
+def test_the_core_that_stands_in_is_the_one_that_was_wrapped_also_if_it_was_trained_since(tmp_path, monkeypatch):
+    monkeypatch.setattr("transferkit.run.session.LATEST", 51)
+    policy, untrained = (wrap(load_core(CORE), IDP, config=config("ppo").wrap, seed=100) for _ in range(2))
+    given = {"settings": SMALL["ppo"], "seed": 100, "eval_episodes": 2, "out": tmp_path / "run"}
+    train(policy, IDP, Budget(episodes=40), **given)
+    with pytest.raises(AssertionError):
+        assert_same_tensors(policy.state_dict(), untrained.state_dict())
+    assert train(policy, IDP, Budget(episodes=60), resume=True, **given).fell_back
+    assert_same_tensors(load_policy(tmp_path / "run").state_dict(), untrained.state_dict())
 
 
 def test_a_core_that_is_to_be_trusted_is_not_asked(tmp_path):

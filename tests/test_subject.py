@@ -1,17 +1,19 @@
 """What finished runs hold, as it was when they ended."""
 
 import shutil
+from dataclasses import replace
 from functools import partial
 
 import pytest
 import torch
 
-from transferkit import derive_spec, evaluate, load_core, load_policy, load_subject, run_training
+from transferkit import derive_spec, evaluate, load_core, load_policy, load_subject, match, run_training
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import VectorEnv, make_env
 from transferkit.errors import ConfigError, RunDirectoryError, UnknownNameError
 from transferkit.evaluation import Evaluation
+from transferkit.matching import save_match
 from transferkit.nn import one_thread
 from transferkit.policy.make import new_policy
 from transferkit.run import RunDirectory, Session
@@ -69,6 +71,15 @@ def test_values_are_those_of_the_trained_critics(algo, wrapped, full_core_folder
         expected = trainer.trained()["critic"](observation, action).mean(0)
     torch.testing.assert_close(load_value(run, loaded)(observation, action), expected)
     torch.testing.assert_close(load_subject(str(run)).value(observation, action), expected)
+
+
+def test_values_outlive_the_file_of_the_match(full_core_folder, tmp_path):
+    file, run = tmp_path / "match.yaml", tmp_path / "run"
+    save_match(match(load_core(full_core_folder), ENV), file)
+    run_training(replace(tiny("dyna-ddpg", full_core_folder), match=str(file)), out=run)
+    before = load_subject(str(run)).value(torch.ones(1, 9), torch.ones(1, 1))
+    file.unlink()
+    torch.testing.assert_close(load_subject(str(run)).value(torch.ones(1, 9), torch.ones(1, 1)), before)
 
 
 def test_a_wrapped_critic_needs_the_core_that_it_was_trained_with(full_core, full_core_folder, save, tmp_path, caplog):

@@ -7,7 +7,7 @@ import torch
 
 from tests.runs import assert_same_run, interrupt_at
 from tests.toys import Counter
-from transferkit import load_core, load_policy, run_training, scratch_policy, train
+from transferkit import load_core, load_policy, run_training, scratch_policy, train, wrap
 from transferkit.budget import Budget
 from transferkit.config import NetworkConfig, TrainConfig, with_settings
 from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, SettingError
@@ -61,6 +61,7 @@ def test_budgets_are_exact(tmp_path, num_envs, budget):
     [
         pytest.param(small(env=IDP), 384, id="ppo"),
         pytest.param(small(env=IDP, core=CORE), 384, id="ppo around a core"),
+        pytest.param(small(env=IDP, core=CORE, settings={"wrap.adapter": "pad"}), 384, id="ppo around a padded core"),
         pytest.param(small(env=IDP, settings={"ppo.rollout_steps": 16}), 384, id="ppo, most rollouts longer than the least"),
         pytest.param(small(env=IDP, stop_at=1.0), 512, id="ppo, at the very evaluation that is good enough"),
         pytest.param(small("dyna-ddpg", env=IDP, steps=600, eval_every=250), 300, id="dyna-ddpg"),
@@ -153,6 +154,12 @@ def test_train_does_what_the_same_configuration_does(tmp_path):
     assert result.run_dir == str(tmp_path / "trained")
     assert_same_run(tmp_path / "run", tmp_path / "trained")
     assert torch.equal(policy.network.mean_head.weight, load_policy(tmp_path / "run").network.mean_head.weight)  # in place
+
+
+def test_the_papers_sandwich_is_recorded_with_its_core(tmp_path):
+    policy = wrap(load_core(CORE), IDP, preset="paper", member=1)
+    result = train(policy, IDP, Budget(steps=20), preset="paper", eval_episodes=1, out=tmp_path / "run")
+    assert (result.core, result.member, result.core_digest) == (CORE, 1, load_core(CORE).digest)
 
 
 def test_train_takes_an_environment_of_your_own_and_a_preset(tmp_path):

@@ -23,14 +23,16 @@ from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
 from transferkit.policy.blueprints import Sandwiched, plan_of
 from transferkit.policy.make import scratch_policy
-from transferkit.policy.saved import as_saved, state_of
+from transferkit.policy.saved import as_saved, read_policy, state_of
 from transferkit.probation import hold_probation
 from transferkit.record.experience import joined, load_experience
 from transferkit.record.play import Subject, record_evaluation
 from transferkit.run import (
+    BEST,
     CHECKPOINT,
     RECORD,
     RESULT,
+    UNTRAINED,
     Result,
     RunDirectory,
     Schedule,
@@ -85,9 +87,8 @@ class Job:
         check_folder(self.out, "out")
         self._budget()
         _device(self.config.device)
-        env = self.make_env()
-        self.policy.check_fits(dims(env), self.config.env)
-        env.close()
+        with closing(self.make_env()) as env:
+            self.policy.check_fits(dims(env), self.config.env)
 
     def on_probation(self, *, resume: bool) -> Job:
         """Let the core prove itself; a job whose core is refused is one from scratch."""
@@ -166,7 +167,7 @@ class Job:
         if compiled and not is_captured(self.config):
             check_compiler()
         streams, device = Streams(self.config.seed), _device(self.config.device)
-        spec_of, arrays = lambda: derive_spec(self.make_env()), prior.batch() if prior else None
+        spec_of, arrays = lambda: derive_spec(self.env), prior.batch() if prior else None
         return make_trainer(self.policy, self.config, spec_of, streams, device, arrays, compiles=compiled)
 
     def envs(self, trainer: Trainer) -> VectorEnv:
@@ -183,12 +184,22 @@ class Job:
         charged = probation and Spent(probation.episodes, probation.steps, probation.seconds)
 
         def keep_best(session: Session) -> None:
-            directory.save_policy(self.trained(trainer, session), best=True)
+            directory.save_policy(self.trained(trainer, session), BEST)
 
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
         to_beat = float(np.mean(probation.core)) if probation and probation.accepted and probation.core else None
         accounts = {"charged": charged, "to_beat": to_beat, "falls_back": self.untrained is not None}
         return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
+
+    def with_untrained(self, directory: RunDirectory, *, begun: bool) -> Job:
+        """Keep the core as it was wrapped beside the run, or take it from there: the policy may have been trained since."""
+        if self.untrained is None:
+            return self
+        path = directory.path / UNTRAINED
+        if begun and path.exists():
+            return replace(self, untrained=read_policy(path))
+        directory.save_policy(state_of(self.untrained, {}), UNTRAINED)
+        return self
 
     def better(self, session: Session) -> Policy:
         """The policy to evaluate and to save: what was learnt, or the untrained core as long as that is behind it."""
@@ -264,7 +275,7 @@ def match_of(run: Path) -> Match | None:
         return None
     with damaged_run(run / RECORD):
         plan = plan_of(read_beside(read_record(run)).policy)
-        return plan.matched() if isinstance(plan, Sandwiched) else None
+        return plan.matched() if isinstance(plan, Sandwiched) and plan.adapter != "pad" else None
 
 
 def _complete(blueprint: Mapping[str, Any]) -> dict[str, Any]:

@@ -76,7 +76,7 @@ class Element:
     coefficients: tuple[float, ...]
     """`position`, `velocity`: the slope per joint. `sin`, `cos`: the slope of the angle per joint. Otherwise empty."""
     offset: float
-    """`position`, `velocity`: value at zero."""
+    """`position`, `velocity`: value at zero. `cos`: what is added to the angle. Otherwise 0."""
     unit: str
     age: int = 0
     """Control steps since it was true: 0 for what is, 1 for what was one step before."""

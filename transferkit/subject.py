@@ -14,6 +14,7 @@ from transferkit.envs import dims_of, id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import DEFAULT_EPISODES, evaluate
 from transferkit.files import damaged_run
+from transferkit.job import match_of
 from transferkit.nn import Critic, Ensemble, JointInput, StateCritic
 from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
@@ -153,7 +154,7 @@ def _wrapped_critic(config: TrainConfig, digest: str | None, policy: Policy, run
     core = load_core(str(config.core), env=config.env)
     if core.digest != digest:
         raise RunDirectoryError(f"core {config.core} is no longer the one that {run_dir} was trained with", remedy="restore it")
-    rebuilt = new_policy(config, core)
+    rebuilt = new_policy(config, core, match_of(Path(run_dir)))
     rebuilt.load_state_dict(policy.state_dict())
     return make_critic(rebuilt, config.dyna, config.network.hidden, Streams(0).torch("critic"), wrapped=True)
 

@@ -149,6 +149,7 @@ def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
     with directory:
         if directory.result is not None:
             return directory.result
+        job = job.with_untrained(directory, begun=checkpoint is not None)
         trainer = job.trainer(prior, compiled=compiled)
         session = job.session(directory, trainer, report)
         scores = train_and_evaluate(trainer, job.envs(trainer), session, checkpoint)

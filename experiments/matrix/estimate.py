@@ -7,7 +7,8 @@ import tempfile
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -95,7 +96,8 @@ def try_out(cell: Cell) -> Pace:
     late = finished["seconds"] > result.seconds / 2  # a model-based trainer begins with steps in which it does not learn
     if late.any() and (steps := np.ptp(finished["steps"][late])):
         pace = max(pace, float(np.ptp(finished["seconds"][late]) / steps))
-    longest = episode_limit(make_env(config.env)) or result.steps
+    with closing(make_env(config.env, **asdict(config.env_config))) as env:
+        longest = episode_limit(env) or result.steps
     return Pace(min(longest, result.steps / result.episodes) if result.episodes else longest, longest, pace)
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,16 +64,19 @@ class Group:
         scores = {name: self.grid(name, measure) for name in trained}
         worst = min(np.nanmin(values, initial=np.inf) for values in scores.values())
         worst = worst if np.isfinite(worst) else np.nan  # no run has finished
-        for name, arm in trained.items():
-            for row in arm.diverged:
-                scores[name][self._place(name, row)] = worst
-        return scores
+        return {name: self.each(name, attrgetter(measure), diverged=worst) for name in trained}
 
     def grid(self, name: str, measure: str) -> Array:
         """A measure of an arm's runs, shaped as in `scores`, NaN for failed ones too."""
+        return self.each(name, attrgetter(measure))
+
+    def each(self, name: str, value: Callable[[Row], float], *, diverged: float = math.nan) -> Array:
+        """A value of each of an arm's runs, shaped as in `scores`; NaN for failed ones, and this for diverged ones."""
         values = np.full((len(self._members(name)), len(self._seeds)), np.nan)
+        for row in self.arms[name].diverged:
+            values[self._place(name, row)] = diverged
         for row in self.arms[name].rows:
-            values[self._place(name, row)] = getattr(row, measure)
+            values[self._place(name, row)] = value(row)
         return values
 
     @functools.cached_property

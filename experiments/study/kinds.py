@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
 from experiments.report.tables import arm_rows, mean_interval
-from experiments.report.verdict import NONE, SCRATCH, TRANSFER, paired
+from experiments.report.verdict import NONE, SCRATCH, TRANSFER
+from experiments.report.verdict import difference as minus
 from experiments.study.cells import CELLS, by_member, difference, interval, short, whole
 from experiments.study.rooms import StudyError
 from experiments.study.rungs import rungs
@@ -98,7 +99,7 @@ def cores(study: Study, targets: Sequence[str], *, training: bool = False) -> Li
             own, random = _arm_cells(arm_rows(group)[0], several=False)[0], group.verdict.controls.get("random")
             cells = [own, difference(group.verdict.scratch), difference(random), _verdict(group)]
             if training:
-                cells += [difference(_paired(group, arm, "all_mean")) for arm in (SCRATCH, "random")]
+                cells += [difference(_minus(group, arm, "all_mean")) for arm in (SCRATCH, "random")]
             lines.append([target, f"`{group.core}`", *cells])
     return lines
 
@@ -220,10 +221,9 @@ def _between(groups: Mapping[str, Group], names: Sequence[str], arm: str) -> lis
     return [difference(stats.paired_difference(*scores)) if len(scores) == 2 else "-"]
 
 
-def _paired(group: Group, arm: str, measure: str) -> stats.Difference:
+def _minus(group: Group, arm: str, measure: str) -> stats.Difference | None:
     """The core minus an arm in one measure of their runs, without correction."""
-    scores = paired({name: group.grid(name, measure) for name in (TRANSFER, arm)}, (TRANSFER, arm))
-    return stats.paired_difference(scores[TRANSFER], scores[arm])
+    return minus({name: group.grid(name, measure) for name in (TRANSFER, arm)}, arm)
 
 
 def _verdict(group: Group) -> str:

@@ -34,7 +34,7 @@ def _compute(study: Study, spec: str) -> Lines:
     try:
         options = tomllib.loads(spec)
         return KINDS[options.pop("kind")](study, **options)
-    except (KeyError, TypeError, ValueError) as error:
+    except (LookupError, AttributeError, AssertionError, TypeError, ValueError) as error:
         raise StudyError(f"{study.readme}: the table of {spec.splitlines()[:1]} cannot be made ({error!r})") from error
 
 

@@ -17,6 +17,7 @@ from transferkit import stats
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from experiments.matrix.table import Row
     from experiments.report.comparisons import Group
     from experiments.report.curves import Array
     from experiments.study.rooms import Study
@@ -64,7 +65,8 @@ def _pair(scores: dict[str, Array]) -> str:
 def _worse(group: Group) -> str:
     """Share of the core's runs that end below the lower quartile of scratch's."""
     ends = group.scores
-    return f"{np.mean(ends[TRANSFER] < np.quantile(ends[SCRATCH], 0.25)):.0%}"
+    core = ends[TRANSFER][~np.isnan(ends[TRANSFER])]
+    return f"{np.mean(core < np.nanquantile(ends[SCRATCH], 0.25)):.0%}"
 
 
 def _saved(study: Study, group: Group) -> str:
@@ -74,25 +76,26 @@ def _saved(study: Study, group: Group) -> str:
     if threshold <= alone:
         return "-"
     core, needed = (_needed(study, group, name, threshold) for name in (TRANSFER, SCRATCH))
-    if np.isinf(np.median(core)):
+    paired = ~(np.isnan(core).any(axis=0) | np.isnan(needed).any(axis=0))
+    core, needed = core[:, paired], needed[0, paired]
+    if not needed.size or np.isinf(np.median(core)):
         return "-"
-    least = _needed(study, group, SCRATCH, threshold, censored=True)[0]
+    least = np.fmin(needed, group.each(SCRATCH, lambda row: study.curves[row.id][-1]["steps"])[0, paired])
     times = stats.data_efficiency(least, core)
     low, high = stats.data_efficiency_interval(least, core)
     sign = "> " if np.isinf(np.median(needed)) else ""
     return f"{sign}{times:.2g} ({low:.2g} to {high:.2g}) to {whole(threshold)}"
 
 
-def _needed(study: Study, group: Group, arm: str, threshold: float, *, censored: bool = False) -> Array:
-    """Steps to the threshold, `(members, seeds)`; if a run never gets there infinite, or `censored` all that it had."""
-    rows = group.arms[arm].rows
-    members, seeds = (sorted({getattr(row, key) for row in rows}) for key in ("member", "seed"))
-    found = np.full((len(members), len(seeds)), math.inf)
-    for row in rows:
-        steps, returns = ([point[key] for point in study.curves[row.id]] for key in ("steps", "return_mean"))
-        reached = stats.steps_to_threshold(steps, returns, threshold)
-        found[members.index(row.member), seeds.index(row.seed)] = min(reached, steps[-1]) if censored else reached
-    return found
+def _needed(study: Study, group: Group, arm: str, threshold: float) -> Array:
+    """Steps to the threshold, `(members, seeds)`; infinite if a run never gets there, NaN if it is missing."""
+
+    def steps(row: Row) -> float:
+        curve = study.curves[row.id]
+        taken, returns = ([point[key] for point in curve] for key in ("steps", "return_mean"))
+        return stats.steps_to_threshold(taken, returns, threshold)
+
+    return group.each(arm, steps, diverged=math.inf)
 
 
 def _verdict(group: Group) -> str:

@@ -71,6 +71,24 @@ def test_two_servos_of_a_joint_are_one_gain_and_two_commands(tmp_path):
     assert model.gains(spec, spec.joints[0]) == (50.0, 3.0)
 
 
+def test_what_drives_no_joint_is_an_action_of_its_own(tmp_path):
+    tree = ET.parse(ASSETS / "inverted_pendulum.xml")
+    root, drives = tree.getroot(), tree.find("actuator")
+    for name in ("left", "right"):
+        tendon = ET.SubElement(ET.SubElement(root, "tendon"), "fixed", {"name": name})
+        ET.SubElement(tendon, "joint", {"joint": "slider", "coef": "1"})
+        ET.SubElement(tendon, "joint", {"joint": "hinge", "coef": "0.1"})
+        ET.SubElement(drives, "motor", {"tendon": name, "name": name, "ctrlrange": "-1 1"})
+    tree.write(tmp_path / "tendons.xml")
+    export_descriptor(lively(f"InvertedPendulum-v5?xml_file={tmp_path / 'tendons.xml'}"), tmp_path / "io.yaml")
+    actions = yaml.safe_load((tmp_path / "io.yaml").read_text())["actions"]
+    assert [(one["name"], one["full_path"].split(".")[0], one["joint_names"]) for one in actions] == [
+        ("joint_effort_action", "isaaclab", ["slider"]),
+        ("left", "transferkit", []),
+        ("right", "transferkit", []),
+    ]
+
+
 def test_earlier_observations_and_functions_of_angles_are_terms_of_their_own(tmp_path):
     export_descriptor(lively("dm_control/cartpole-balance-v0?vary.frames=2"), tmp_path / "io.yaml")
     terms = yaml.safe_load((tmp_path / "io.yaml").read_text())["observations"]["policy"]

@@ -1,7 +1,9 @@
 """A policy as LEAPP YAML, driven by the program of the docs, which knows only the file."""
 
+import math
 import re
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -58,6 +60,17 @@ def reordered(path):
     motors = tree.find("actuator")
     motors[:] = motors[::-1]
     tree.write(path)
+
+
+def test_an_angle_keeps_what_is_added_to_it():
+    spec = derive_spec("InvertedDoublePendulum-v5")
+    k = [one.quantity for one in spec.observation].index("cos")
+    turned = replace(spec.observation[k], offset=0.5)
+    spec = replace(spec, observation=(*spec.observation[:k], turned, *spec.observation[k + 1 :]))
+    deployed = Deployed(lambda observation: observation[:, k : k + 1], ports_of(spec), spec)
+    measured = [torch.full((1, size), 0.25) for size in deployed.inputs.values()]
+    angle = 0.25 * sum(turned.coefficients)
+    assert float(deployed(*measured)[0] / deployed.gear) == pytest.approx(math.cos(angle + 0.5))
 
 
 def test_a_program_that_knows_only_the_file_drives_another_xml_of_the_robot_alike(tmp_path, program):

@@ -1,16 +1,19 @@
 import copy
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import torch
 
+from tests.policy.cores import random_core
 from tests.toys import Counter
-from transferkit import load_core, wrap
+from transferkit import load_core, match, wrap
 from transferkit.config import NetworkConfig, TrainConfig
 from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
+from transferkit.nn import PolicyNet
 from transferkit.policy.blueprints import build
-from transferkit.policy.core import Core
+from transferkit.policy.core import Core, stack_members
 from transferkit.policy.make import new_policy, scratch_policy
 from transferkit.policy.paper import PaperSandwich
 from transferkit.streams import Streams
@@ -28,6 +31,29 @@ def test_a_matched_policy_acts_as_the_core_would_in_the_similar_state(untrained_
     with torch.no_grad():
         expected = gain * untrained_core.policy(0)(similar)[0]
         torch.testing.assert_close(policy(observation)[0], expected, rtol=1e-4, atol=1e-5)
+
+
+@pytest.mark.parametrize("factor", [1.0, -1.0, 0.25])
+def test_a_squashed_core_acts_as_its_match_says_whatever_the_factor(specs, factor):
+    spec = specs["InvertedPendulum-v5"]
+    network = PolicyNet(replace(random_core(spec).architecture, squash=True), Streams(0).torch("policy"), init_std=1.0)
+    torch.nn.init.constant_(network.mean_head.bias, 2.0)
+    core = Core("squashed-v1", spec, network.architecture, [0], {"policy": stack_members([network.state_dict()])})
+    found = match(core, spec)
+    (actions,) = (copy.actions for copy in found.copies)
+    scaled = {name: {own: factor * share for own, share in shares.items()} for name, shares in actions.items()}
+    policy = wrap(core, spec, match=replace(found, copies=(replace(found.copies[0], actions=scaled),)))
+    observation = torch.randn(8, 4, generator=Streams(0).torch("x"))
+    torch.testing.assert_close(policy(observation)[0], factor * core.policy(0)(observation)[0])
+    twin = build(policy.blueprint())
+    twin.load_state_dict(policy.state_dict())
+    torch.testing.assert_close(twin(observation)[0], policy(observation)[0])
+
+
+def test_a_match_of_other_specs_is_refused(untrained_core, specs):
+    policy = wrap(untrained_core, specs[CARTPOLE])
+    with pytest.raises(ConfigError, match=r"the match is not of InvertedPendulum-v5 and InvertedDoublePendulum-v5"):
+        wrap(untrained_core, specs[IDP], match=policy.origin.match)
 
 
 def test_auto_falls_back_to_random_where_nothing_matches(untrained_core, specs):

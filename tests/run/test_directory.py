@@ -27,6 +27,15 @@ def test_a_directory_in_use_is_refused(tmp_path):
         assert run.result is None
 
 
+def test_a_start_that_fails_releases_the_directory(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr("transferkit.run.directory.write_json", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError) as error:
+            RunDirectory.create(tmp_path / "run", {})
+    RunDirectory.create(tmp_path / "run", {}).close()
+    assert error.traceback  # which holds the first one
+
+
 def test_rows_beyond_the_checkpoint_are_cut_because_their_steps_run_again(tmp_path):
     with RunDirectory.create(tmp_path / "run", {}) as run:
         run.append(row(1))

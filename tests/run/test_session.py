@@ -3,7 +3,7 @@ import pytest
 
 from transferkit.budget import Budget, Spent
 from transferkit.evaluation import Evaluation
-from transferkit.run import Best, EpisodeRow, EvaluationRow, RunDirectory, Schedule, Session, load_state, read_table
+from transferkit.run import CHECKPOINT, Best, EpisodeRow, EvaluationRow, RunDirectory, Schedule, Session, load_state, read_table
 
 TEN = Budget(steps=10)
 
@@ -64,6 +64,19 @@ def test_an_evaluation_is_due_once_in_every_interval_and_done_once_at_a_step(ses
         assert made.evaluate() == made.evaluate()
     assert evaluated == [0, 1, 2]  # at 3, 6 and 9 steps
     assert read_table(made.directory.path, EvaluationRow)["steps"].tolist() == [6, 9]
+
+
+def test_the_best_policy_and_the_checkpoint_that_names_it_come_together(session):
+    made = session(Budget(steps=100), scores=(1.0, 5.0, 3.0), eval_every=2, checkpoint_seconds=1e9)
+    written = []
+    with made.running():
+        for _ in range(3):
+            step(made)
+            step(made)
+            update(made)
+            state = load_state(made.directory.path / CHECKPOINT)["session"]
+            written.append((state["spent"][1], state["best"][0]["return_mean"]))
+    assert written == [(2, 1.0), (4, 5.0), (4, 5.0)]
 
 
 def test_an_evaluation_that_is_good_enough_ends_the_run_but_not_the_first(session):

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from transferkit import run_training
+from transferkit import load_policy, run_training, scratch_policy
 from transferkit.config import TrainConfig, with_settings
 from transferkit.errors import ConfigError
 from transferkit.nn import Architecture
@@ -21,6 +21,16 @@ def test_its_preset_has_no_steps_by_kl_divergence(pendulum_spec, settings, rate)
     assert trainer.algorithm.learning_rate == pytest.approx(rate)
     assert trainer.algorithm.optimizer.parts[-1].lr is None
     assert trainer.rule.capacity == config.dyna_ppo.horizon
+
+
+def test_a_rollout_of_one_step_in_many_environments_teaches(tmp_path):
+    config = with_settings(
+        TrainConfig(ENV, algo="dyna-ppo", steps=300, eval_episodes=1),
+        {"network.hidden": [8], "model.hidden": [8], "model.updates": 20, "dyna_ppo.horizon": 1},
+    )
+    run_training(config, out=tmp_path / "run")
+    begun = scratch_policy(ENV, config.network)
+    assert not torch.equal(load_policy(tmp_path / "run").network.mean_head.weight, begun.network.mean_head.weight)
 
 
 def test_a_budget_too_small_for_dyna_ppo_is_refused(tmp_path):

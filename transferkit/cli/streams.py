@@ -16,9 +16,7 @@ NARROWEST = 40
 
 
 def mend_surroundings() -> None:
-    """Open a stream that the caller has closed (`>&-`), so that no file gets its number; write what the locale cannot hold, and
-    warn in plain words.
-    """
+    """Open closed streams (`>&-`), so that no file gets their number; write what the locale cannot; warn in plain words."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             os.dup2(os.open(os.devnull, os.O_RDWR), number)

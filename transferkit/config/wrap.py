@@ -20,7 +20,8 @@ class WrapConfig:
     structure: Literal["default", "paper"] = "default"
     """The healthy sandwich, or the paper's with its ReLUs and its shared output layer."""
     tap: Tap = "features"
-    """Take the core's last hidden layer, or its action output as the paper does."""
+    """Take the core's last hidden layer, or its action output as the paper does. A core that squashes its actions gives these
+    if they are to be scaled or mixed."""
     adapter: Adapter = "auto"
     """Fill the adapters from what the numbers mean, at random, or (a control) element by element with zeros for what is
     missing; auto is semantic if anything matches, else random."""

@@ -50,7 +50,7 @@ class Deployed(nn.Module):
         now = [given[name] for name in ("joint_positions", "joint_velocities", "others") if name in given]
         before = [given[name] for name in ("measured_before", "actions_before") if name in given]
         everything = torch.cat([*now, *before], -1)
-        angle = everything @ self.angle.T
+        angle = everything @ self.angle.T + self.offset
         linear = everything @ self.linear.T + self.offset
         control = self.exported(self.form[0] * linear + self.form[1] * angle.sin() + self.form[2] * angle.cos())
         results = [self.gear * control]

@@ -101,22 +101,27 @@ def _term(name: str, size: int, path: str, scale: list[float] | None = None, uni
 def _actions(spec: IOSpec, drives: Sequence[Drive]) -> list[dict[str, Any]]:
     """Neighbours whose commands are of one kind are one term."""
     names = {joint.name: joint.model_name for joint in spec.joints}
-    groups = itertools.groupby(zip(spec.action, drives, strict=True), key=lambda pair: pair[0].joint and pair[1].command)
-    return [_action(str(kind), list(group), names) for kind, group in groups]
+    groups = itertools.groupby(
+        zip(spec.action, drives, strict=True), key=lambda pair: (pair[1].command, pair[0].joint is None and pair[0].name)
+    )
+    return [_action(command, list(group), names) for (command, _), group in groups]
 
 
-def _action(kind: str, pairs: Sequence[tuple[Actuator, Drive]], names: dict[str, str]) -> dict[str, Any]:
-    name, function = ACTIONS.get(kind, (pairs[0][0].name, kind))
-    scales = [one.gear if kind == "torque" else 1 / drive.gear if kind in ACTIONS else 1.0 for one, drive in pairs]
+def _action(command: str, pairs: Sequence[tuple[Actuator, Drive]], names: dict[str, str]) -> dict[str, Any]:
+    """Isaac Lab's action of joints, or one under our name for what drives none."""
+    joints = [names[one.joint] for one, _ in pairs if one.joint is not None]
+    known = ACTIONS.get(command) if joints else None
+    name, function = known or (pairs[0][0].name, command)
+    scales = [1.0 if known is None else one.gear if command == "torque" else 1 / drive.gear for one, drive in pairs]
     ends = [sorted((scale * one.low, scale * one.high)) for scale, (one, _) in zip(scales, pairs, strict=True)]
     return {
         "name": name,
-        "full_path": f"isaaclab.envs.mdp.actions.joint_actions.{function}" if kind in ACTIONS else f"transferkit.{kind}",
+        "full_path": f"isaaclab.envs.mdp.actions.joint_actions.{function}" if known else f"transferkit.{function}",
         "mdp_type": "Action",
         "action_type": "JointAction",
         "dtype": "torch.float32",
         "shape": [len(pairs)],
-        "joint_names": [names[str(one.joint)] for one, _ in pairs] if kind in ACTIONS else [],
+        "joint_names": joints if known else [],
         "scale": scales,
         "offset": 0.0,
         "clip": ends,

@@ -20,7 +20,7 @@ class Ports:
     """What is measured at a step, in this order, and how an observation is made of it.
 
     With `h` all that is measured, now and in earlier steps, and then earlier actions, each from the newest on, an element is
-    `linear @ h + offset`, or sine or cosine of `angle @ h`.
+    `linear @ h + offset`, or sine or cosine of `angle @ h + offset`.
     """
 
     positions: tuple[str, ...]

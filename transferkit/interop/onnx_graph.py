@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -178,10 +179,7 @@ class _Graph:
         tensor = self._tensors.get(name)
         if tensor is None or tensor.data_location == self._onnx.TensorProto.EXTERNAL:
             raise FormatError(f"its numbers {name} are not in the file; export it with external_data=False")
-        count = 1
-        for size in tensor.dims:
-            count *= max(int(size), 0)
-        if count > self._size:
+        if math.prod(max(int(size), 0) for size in tensor.dims) > self._size:
             raise FormatError(f"its numbers {name} are more than the file has")
         try:
             value = torch.from_numpy(self._onnx.numpy_helper.to_array(tensor).astype("float64"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -87,9 +88,7 @@ def _rebuild(storage: object, offset: object, size: object, stride: object, *_: 
         raise FormatError("a tensor of it has no storage or no shape")
     assert isinstance(offset, int)
     sizes, strides = tuple(size), tuple(stride)  # pyright: ignore[reportArgumentType] - checked above
-    count = 1
-    for n in sizes:
-        count *= n
+    count = math.prod(sizes)
     last = offset + sum((n - 1) * step for n, step in zip(sizes, strides, strict=True))
     if count and (count > storage.numel() or last >= storage.numel()):
         raise FormatError("a tensor of it is larger than its storage")

@@ -45,6 +45,8 @@ def match_for(
     if config.adapter == "pad":
         return padded(source, target)
     result = given if isinstance(given, Match) else compiled(_pairing(config, source, target, given), source, target)
+    if not result.fits(source, target):
+        raise ConfigError(f"the match is not of {source.env_id} and {target.env_id}", topic="matches")
     if result.holds:
         return result
     if given is not None:

@@ -46,7 +46,7 @@ class Policy(nn.Module):
     has_core: bool = False
     """Whether a core acts in it from the first step."""
     origin: Origin | None = None
-    """Where its core comes from, if critics and a model can be wrapped alike."""
+    """Where its core comes from, if it was wrapped and not loaded."""
     hold: int = 1
     """Control steps for which an action is held; whoever plays the policy asks it once in so many."""
     squash: bool = False

@@ -143,7 +143,7 @@ def _permute(members: Tensor, generator: torch.Generator) -> Tensor:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a sandwich comes from, so that critic and model can be wrapped like its policy."""
+    """Where a sandwich comes from: for the record, and so that critic and model can be wrapped like its policy."""
 
     core: Core
     member: int

@@ -96,9 +96,9 @@ def _own(module: nn.Module, kind: type[M]) -> M:
 
 
 def _origin(policy: Policy, component: str, members: int) -> Origin | None:
-    """Where the policy's core comes from, if it has this component with as many members, and acts in one copy alone."""
+    """Where a sandwich's core comes from, if it has this component with as many members, and acts in one copy alone."""
     origin = policy.origin
-    if origin is None or component not in origin.core.ensembles:
+    if origin is None or policy.normalizer is None or component not in origin.core.ensembles:
         return None
     if origin.match is not None and origin.match.copies > 1:  # a component judges one copy's inputs and actions
         return None

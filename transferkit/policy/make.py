@@ -73,8 +73,10 @@ def wrap(
     if config.structure == "paper":
         if match is not None:
             raise ConfigError("{match} has no effect on {wrap.structure=paper}", remedy="leave one of them out")
-        return PaperSandwich(network, (source, target), config, generators)
+        return PaperSandwich(network, (source, target), config, generators, origin=Origin(core, member, None))
     matched = match_for(config, source, target, match)
+    if network.architecture.squash and matched is not None and not _copies_actions(matched):
+        config = replace(config, tap="action")
     return Sandwich(network, normalizer, (source, target), config, matched, generators, origin=Origin(core, member, matched))
 
 
@@ -109,6 +111,12 @@ def _scratch(obs_dim: int, act_dim: int, config: NetworkConfig, generator: torch
         obs_dim, act_dim, config.hidden, config.activation, config.std, config.initialization, config.squash
     )
     return ScratchPolicy.create(architecture, generator, init_std=config.init_std, normalize=config.normalize_observation)
+
+
+def _copies_actions(match: Match) -> bool:
+    """Whether each action of the target is one of the core's, as it is or turned round: only then is its tanh the core's."""
+    rows = [[weight for weight in row if weight] for row in match.action_weight]
+    return all(len(row) <= 1 and all(abs(weight) == 1 for weight in row) for row in rows)
 
 
 def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:

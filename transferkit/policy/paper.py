@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from transferkit.config import WrapConfig
     from transferkit.nn import PolicyNet
     from transferkit.policy.composed import ComposedNet
+    from transferkit.policy.core import Origin
     from transferkit.spec import IOSpec
 
 EPSILON = 1e-6
@@ -35,11 +36,13 @@ class PaperSandwich(Policy):
         specs: tuple[IOSpec, IOSpec],
         config: WrapConfig,
         generators: dict[str, torch.Generator] | None,
+        *,
+        origin: Origin | None = None,
     ) -> None:
         super().__init__()
         source, target = specs
         generators = generators or {}
-        self._specs, self.config = specs, config
+        self._specs, self.config, self.origin = specs, config, origin
         self.obs_dim, self.act_dim = target.obs_dim, target.act_dim
         self.lr_scale, self.freeze = dict(config.lr_scale), dict(config.freeze)
         self.normalizer = None

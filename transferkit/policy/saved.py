@@ -54,8 +54,17 @@ def load_policy(run_dir: str | Path, *, best: bool = False) -> Policy:
     Raises:
         RunDirectoryError: the run is not finished, its policy file is damaged, or there is no best policy.
     """
-    saved = load_saved(run_dir, best=best)
-    with damaged_run(policy_file(run_dir, best=best)):
+    return read_policy(policy_file(run_dir, best=best))
+
+
+def read_policy(path: Path) -> Policy:
+    """Build the policy that a file of a run holds.
+
+    Raises:
+        RunDirectoryError: it is damaged.
+    """
+    saved = _read(path)
+    with damaged_run(path):
         plan = plan_of(saved.blueprint)
         check_enough(saved.weights.values(), plan.weights, "its blueprint")
         policy = plan.build()
@@ -75,7 +84,10 @@ def load_saved(run_dir: str | Path, *, best: bool = False) -> Saved:
     Raises:
         RunDirectoryError: the run is not finished, its policy file is damaged, or there is no best policy.
     """
-    path = policy_file(run_dir, best=best)
+    return _read(policy_file(run_dir, best=best))
+
+
+def _read(path: Path) -> Saved:
     state = load_state(path)
     with damaged_run(path):
         return typed(state, Saved)

@@ -40,8 +40,8 @@ class WrappedEnsemble(nn.Module):
         return self.head(features + self.finetune(features)) + self.new(direct)
 
     def core_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters of the hidden layers."""
-        return list(self.core.body.parameters())
+        """Return the parameters of the hidden layers, with their scales."""
+        return list(self.core.parameters())
 
 
 def learning_parts(module: nn.Module, policy: Policy) -> list[Part]:

@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from transferkit.run.result import Earlier, Result
     from transferkit.run.tables import Row
 
-POLICY, BEST = "policy.safetensors", "best.safetensors"
-"""The policy that a run ended with, and the one that its evaluations during training found best."""
+POLICY, BEST, UNTRAINED = "policy.safetensors", "best.safetensors", "untrained.safetensors"
+"""The policy that a run ended with, the one that its evaluations during training found best, and the core as it was wrapped."""
 
 LONGEST_HEADER = 1000
 """Characters of a table's first line that are looked at."""
@@ -73,14 +73,11 @@ class RunDirectory:
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
         run = cls(path)
-        if (path / RECORD).exists():
+        try:
+            run._start(config)
+        except BaseException:
             run.close()
-            raise RunInUseError(
-                f"another process has just started {path}", remedy="continue it with {resume=True}, or choose another {out}"
-            )
-        write_json(path / RECORD, {"config": dict(config), "command": command(), "versions": versions(), "git": git_state()})
-        for kind in ALWAYS:
-            run._open(kind)
+            raise
         return run
 
     @classmethod
@@ -117,9 +114,9 @@ class RunDirectory:
             lengths[name] = file.tell()
         save_state(self.path / CHECKPOINT, {**state, "tables": lengths})
 
-    def save_policy(self, state: Mapping[str, Any], *, best: bool = False) -> None:
-        """Write the final policy, or the best so far."""
-        save_state(self.path / (BEST if best else POLICY), state)
+    def save_policy(self, state: Mapping[str, Any], file: str = POLICY) -> None:
+        """Write the final policy, or another one."""
+        save_state(self.path / file, state)
 
     def finish(self, result: Result) -> Result:
         """Write the result with the checksums of the tables, and return it; a run with a result is finished."""
@@ -150,6 +147,17 @@ class RunDirectory:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
+    def _start(self, config: Mapping[str, Any]) -> None:
+        if (self.path / RECORD).exists():
+            raise RunInUseError(
+                f"another process has just started {self.path}",
+                remedy="continue it with {resume=True}, or choose another {out}",
+            )
+        about = {"config": dict(config), "command": command(), "versions": versions(), "git": git_state()}
+        write_json(self.path / RECORD, about)
+        for kind in ALWAYS:
+            self._open(kind)
+
     def _take_up(self, budget: Budget | None) -> dict[str, Any] | None:
         limits, own = budget and budget.limits(), recorded_limits(self.path)
         if self.result is not None:
@@ -175,7 +183,7 @@ class RunDirectory:
 
     def _check_regular(self) -> None:
         """Refuse links, pipes and devices, which a folder from a stranger may have in place of files that are written."""
-        names = (LOCK, RECORD, CHECKPOINT, POLICY, BEST, RESULT, *(kind.file(self.path).name for kind in TABLES))
+        names = (LOCK, RECORD, CHECKPOINT, POLICY, BEST, UNTRAINED, RESULT, *(kind.file(self.path).name for kind in TABLES))
         for path in (self.path / name for name in names):
             if path.is_symlink() or (path.exists() and not path.is_file()):
                 raise RunDirectoryError(f"{path} is not a regular file", remedy="choose another {out}")

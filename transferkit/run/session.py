@@ -195,6 +195,7 @@ class Session:
             if self.schedule.eval_every and (self.best is None or scores["return_mean"] > self.best.return_mean):
                 self.best = Best(spent.steps, scores["return_mean"])
                 self._keep_best(self)
+                self._saved = -np.inf  # the next checkpoint names it
         self._evaluated, self._scores = spent.steps, scores
         self.evaluations += 1
         self.evaluation_steps += evaluated.steps

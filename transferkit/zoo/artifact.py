@@ -53,10 +53,10 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
         DimensionError: a file of another library does not fit the environment.
         RunDirectoryError: a run that is unfinished, damaged, or cannot be a core.
     """
-    own = Path(name)
-    if str(name) not in core_folders() and own.is_file():
+    own, known = Path(name), str(name) in core_folders()
+    if not known and own.is_file():
         return imported(own, env)
-    if str(name) not in core_folders() and own.is_dir() and not (own / CARD).exists():
+    if not known and own.is_dir() and not (own / CARD).exists():
         if (own / RECORD).exists():
             return core_of_run(own, env)
         raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")

@@ -31,3 +31,7 @@ def test_a_rung_by_hand():
     assert told["below scratch's lower quartile"] == "0%"
     assert told["steps saved"] == "> 2 (2 to 2) to 75"  # 1000 against more than 2000
     assert told["verdict"] == "transfer"
+    some = [row for row in rows if (row.arm, row.seed) not in (("transfer", 0), ("scratch", 5))]
+    _, line = rungs(SimpleNamespace(rows=some, groups=compare(some), curves=curves))
+    told = dict(zip(header, line, strict=True))
+    assert (told["steps saved"], told["below scratch's lower quartile"]) == ("> 2 (2 to 2) to 76", "0%")  # of seeds 1 to 4

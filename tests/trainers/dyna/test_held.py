@@ -85,6 +85,12 @@ def test_transitions_of_elsewhere_are_joined_as_if_their_first_action_was_held()
     assert weights.tolist() == [1, 0.5, 0.25, 0.125, 0.0625, 1]  # of the time since the episode began
 
 
+def test_what_is_shorter_than_an_action_is_no_transition(agent):
+    agent.remember(Batch(torch.zeros(2, 4), torch.zeros(2, 1), torch.ones(2), torch.zeros(2, 4), torch.zeros(2)))
+    assert len(agent.buffer) == 0
+    agent.learn()
+
+
 @pytest.mark.parametrize("change", [{"age": -1}, {"reward": None}, {"action": [[1.0, 2.0]]}, {"observation": [0.0] * 4}])
 def test_a_forged_held_action_is_refused(agent, change):
     observe(agent, 0, 1.0)

@@ -125,7 +125,7 @@ class Agent:
             for reward, terminated in zip(prior.reward.numpy(), prior.terminated.numpy() > 0, strict=True):
                 self.returns.add(reward[None], terminated[None])
         self._warming_up = False
-        if self.needs_model:
+        if self.buffer.added and self.needs_model:
             self._fit()
 
     def learn(self) -> None:
@@ -188,7 +188,7 @@ class Agent:
         largest = float(seen.reward.abs().max())
         if config.model_share and config.planned_reward == "minus-norm":
             largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
-        return self.reward_scale * max(1.0, largest) / (1 - self.discount)
+        return self.reward_scale * max(1.0, largest) / max(1 - self.discount, np.finfo(float).eps)
 
     def set_progress(self, progress: float, step_progress: float, *, behind: bool = False) -> None:
         """Freeze, unfreeze, let go and calm down for a run that has used these shares of its budget and of its steps.

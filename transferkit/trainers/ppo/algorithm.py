@@ -130,7 +130,7 @@ class PPO(rsl_rl.algorithms.PPO):
         storage.values.copy_(self.values.value(cast("Tensor", storage.observations)))
         storage.actions_log_prob.copy_(gaussian.log_prob(mean, log_std, storage.actions).unsqueeze(-1))
         self.compute_returns(cast("Any", torch.from_numpy(observation).to(self.device)))
-        if storage.step * self.config.num_envs == 1 and not self.rule.normalize_advantage_per_mini_batch:
+        if storage.step * storage.num_envs == 1 and not self.rule.normalize_advantage_per_mini_batch:
             cast("Tensor", storage.advantages).zero_()  # over its own mean; rsl_rl divides by the deviation of one, NaN
         if self.config.value_target == "monte-carlo":
             monte_carlo_returns(storage, self.gamma)
