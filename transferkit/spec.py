@@ -31,6 +31,9 @@ grows by the same in every step; of what is `unknown` nothing can be said."""
 MOST = 4096
 """Elements of an observation or an action, and joints."""
 
+EARTH = 9.81
+"""Its gravity, m/s^2."""
+
 JointType = Literal["slide", "hinge"]
 
 
@@ -122,12 +125,16 @@ class IOSpec:
     episode_limit: int | None
     """Control steps until the environment truncates."""
     versions: Mapping[str, str]
+    gravity: float = EARTH
+    """Acceleration of what falls, m/s^2; specs of before do not say."""
 
     def __post_init__(self) -> None:
         if max(self.obs_dim, self.act_dim, len(self.joints)) > MOST:
             raise ValueError(f"it has {self.obs_dim} observations and {self.act_dim} actions, at most {MOST} are supported")
         if self.time_step and not 1e-6 <= self.time_step <= 1e4:
             raise ValueError(f"its time step is {self.time_step} s")
+        if not 0 <= self.gravity <= 1e6:
+            raise ValueError(f"its gravity is {self.gravity} m/s^2")
         above: set[str | None] = {None}
         for joint in self.joints:
             if joint.parent not in above:

@@ -10,6 +10,7 @@ from tests.policy.cores import random_core
 from tests.toys import Counter
 from transferkit import load_core, match, wrap
 from transferkit.config import NetworkConfig, TrainConfig
+from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
 from transferkit.nn import PolicyNet
 from transferkit.policy.blueprints import build
@@ -21,13 +22,18 @@ from transferkit.streams import Streams
 IDP, CARTPOLE = "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
 
 
-def test_a_matched_policy_acts_as_the_core_would_in_the_similar_state(untrained_core, specs):
-    """Lengths 0.3 m and 0.5 m to the pole's mass; Froude: x scales with 0.6, speed with sqrt(0.6), rate with 1/sqrt(0.6)."""
-    policy = wrap(untrained_core, specs[CARTPOLE])
+@pytest.mark.parametrize("gravity", [1, 4])
+def test_a_matched_policy_acts_as_the_core_would_in_the_similar_state(untrained_core, specs, gravity):
+    """Lengths 0.3 m and 0.5 m to the pole's mass; Froude: x scales with 0.6, speed with sqrt(0.6), rate with 1/sqrt(0.6).
+
+    Under four times the gravity all is twice as fast, and accelerations are four times as large.
+    """
+    policy = wrap(untrained_core, derive_spec(f"{CARTPOLE}?vary.gravity={gravity}"))
     x, angle, v, rate = 0.3, 2.5, -0.7, 1.1
     observation = torch.tensor([[x, np.cos(angle), np.sin(angle), v, rate]], dtype=torch.float32)
-    similar = torch.tensor([[0.6 * x, angle, 0.6**0.5 * v, rate / 0.6**0.5]], dtype=torch.float32)
-    gain = specs["InvertedPendulum-v5"].action[0].authority / specs[CARTPOLE].action[0].authority
+    slow = gravity**-0.5
+    similar = torch.tensor([[0.6 * x, angle, 0.6**0.5 * slow * v, slow * rate / 0.6**0.5]], dtype=torch.float32)
+    gain = gravity * specs["InvertedPendulum-v5"].action[0].authority / specs[CARTPOLE].action[0].authority
     with torch.no_grad():
         expected = gain * untrained_core.policy(0)(similar)[0]
         torch.testing.assert_close(policy(observation)[0], expected, rtol=1e-4, atol=1e-5)

@@ -29,7 +29,7 @@ from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
 from transferkit.envs.written import name_of
 from transferkit.errors import TransferkitError
-from transferkit.spec import Element, IOSpec
+from transferkit.spec import EARTH, Element, IOSpec
 from transferkit.versions import versions
 
 if TYPE_CHECKING:
@@ -110,6 +110,7 @@ def _spec(made: Contract, env_id: str) -> IOSpec:
         time_step=pace,
         episode_limit=episode_limit(made),
         versions={name: versions()[name] for name in ("mujoco", "gymnasium", "dm-control")},
+        gravity=EARTH if simulation is None else float(np.linalg.norm(simulation.model.opt.gravity)),
     )
 
 

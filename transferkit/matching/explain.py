@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from transferkit.matching.match import FORMLESS
+from transferkit.matching.scales import gravity_scale
 
 if TYPE_CHECKING:
     from transferkit.matching.match import Match
@@ -28,7 +29,7 @@ def coverage(match: Match, source: IOSpec) -> tuple[float, float]:
 
 def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
     """Write the scales, and one line for every joint, core input and target action of each copy of the core."""
-    lines = [] if match.pairing is None else [_scales(match.pairing)]
+    lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target))]
     for k in range(match.copies):
         if match.copies > 1:
             lines.append(f"  copy {k + 1} of {match.copies}")
@@ -38,9 +39,10 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
     return "\n".join([*lines, *_actions(match, source, target)])
 
 
-def _scales(pairing: Pairing) -> str:
+def _scales(pairing: Pairing, gravity: float) -> str:
     held = f"; held for {pairing.hold} control steps" if pairing.hold > 1 else ""
-    return f"  lengths: the source's are {pairing.length:.3g} times the target's; {KEPT[pairing.forces]}{held}"
+    heavier = "" if gravity == 1 else f", its gravity {gravity:.3g} times"
+    return f"  lengths: the source's are {pairing.length:.3g} times the target's{heavier}; {KEPT[pairing.forces]}{held}"
 
 
 def _joints(copy: Copy, source: IOSpec, target: IOSpec) -> list[str]:

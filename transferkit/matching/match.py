@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.matching.scales import similarity
+from transferkit.matching.scales import gravity_scale, similarity
 from transferkit.pairing import Pairing
 
 if TYPE_CHECKING:
@@ -184,6 +184,7 @@ class _Rows:
     """The inputs and the actions of one copy."""
 
     def __init__(self, copy: Copy, pairing: Pairing, source: IOSpec, target: IOSpec, basis: _Basis) -> None:
+        self._gravity = gravity_scale(source, target)
         self._copy, self._scale, self._source, self._target, self._basis = copy, pairing.length, source, target, basis
         self._twin = same_mechanism(source, target, copy)
         self._own = {joint.name: joint for joint in source.joints}
@@ -218,7 +219,7 @@ class _Rows:
 
     def _taken(self, element: Element) -> Row | None:
         """Take an element of the target that says the same, but for a factor and what is added."""
-        factors = {similarity(element.quantity, self._own[name].type, self._scale) for name in element.joints}
+        factors = {similarity(element.quantity, self._own[name].type, self._scale, self._gravity) for name in element.joints}
         wanted = self._wanted(element, scaled=False)
         for k, other in enumerate(self._target.observation):
             if (other.quantity, other.age) != (element.quantity, element.age) or len(factors) != 1:
@@ -243,7 +244,7 @@ class _Rows:
         """What a core input is in the target's joints."""
         wanted: dict[str, float] = {}
         for name, coefficient in zip(element.joints, element.coefficients, strict=True):
-            factor = similarity(element.quantity, self._own[name].type, self._scale) if scaled else 1.0
+            factor = similarity(element.quantity, self._own[name].type, self._scale, self._gravity) if scaled else 1.0
             for other, share in self._copy.joints[name].items():
                 wanted[other] = wanted.get(other, 0.0) + coefficient * share * factor
         return wanted
@@ -254,7 +255,7 @@ class _Rows:
             return element.offset
         value = element.offset
         for name, coefficient in zip(element.joints, element.coefficients, strict=True):
-            factor = similarity("position", self._own[name].type, self._scale)
+            factor = similarity("position", self._own[name].type, self._scale, self._gravity)
             read = sum(share * factor * self._others[other].reference for other, share in self._copy.joints[name].items())
             value += coefficient * (self._own[name].reference + self._copy.shift.get(name, 0.0) - read)
         return value

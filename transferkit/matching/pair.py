@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from transferkit.matching.align import Aligner
-from transferkit.matching.scales import factors, hold_steps, kept, length_scale, mass, strength
+from transferkit.matching.scales import factors, gravity_scale, hold_steps, kept, length_scale, mass, strength
 from transferkit.matching.tree import below, parallel
 from transferkit.pairing import Copy, Pairing
 
@@ -161,7 +161,7 @@ class Driver:
         self._source, self._target = source, target
         self._keeps: Kept = keeps
         self._axes = tuple({joint.name: joint.axis for joint in spec.joints} for spec in (source, target))
-        self._own = {one.name: strength(one, scale, mass(source)) for one in source.action}
+        self._own = {one.name: strength(one, scale, mass(source), gravity_scale(source, target)) for one in source.action}
         self._others = {one.name: strength(one, 1.0, mass(target)) for one in target.action}
 
     def actions(self, pairs: Pairs, bearing: Mapping[str, int]) -> dict[str, Combination]:

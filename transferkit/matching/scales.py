@@ -1,10 +1,10 @@
 """How much longer, stronger and slower: the factors between two matched robots. Nothing of it is fitted.
 
-Motion is scaled by dynamic similarity (Froude): under the same gravity a mechanism `s` times as long moves alike when lengths
-scale with s, times with sqrt(s) and accelerations not at all. What swings freely keeps the acceleration that an action causes,
-with the length from its hinges to the load. What stands on its limbs keeps its torque for its weight and length, with the
-length of its limbs: the acceleration of a free limb says nothing of one that carries the robot. A lighter robot needs more than
-that, since friction, springs and rotors stay: no less than the acceleration takes, and no more than the source's torque.
+Motion is scaled by dynamic similarity (Froude): a mechanism `s` times as long under `g` times the gravity moves alike when its
+lengths scale with s, times with sqrt(s / g) and accelerations with g. What swings freely keeps the acceleration that an action
+causes, with the length from its hinges to the load. What stands on its limbs keeps its torque for its weight and length, with
+the length of its limbs: the acceleration of a free limb says nothing of one that carries the robot. A lighter robot needs more
+than that, since friction, springs and rotors stay: no less than the acceleration takes, and no more than the source's torque.
 
 An action of what stands is held for as long as its core's own lasts, since a gait has a pace. What swings is balanced by
 feedback, the better the faster it comes: the pendulum's core keeps 998 of 1000 on the cart-pole in its steps of 0.01 s, and 876
@@ -75,9 +75,14 @@ def _way(one: Sequence[float] | None, other: Sequence[float] | None) -> float:
     return 0.0 if one is None or other is None else math.dist(one, other)
 
 
-def similarity(quantity: str, joint_type: str, scale: float) -> float:
-    """Divide the source's value by the target's in similar motion."""
-    length, time = (scale if joint_type == "slide" else 1.0), scale**0.5
+def gravity_scale(source: IOSpec, target: IOSpec) -> float:
+    """The source's gravity over the target's; 1 if nothing falls in one of them."""
+    return source.gravity / target.gravity if source.gravity and target.gravity else 1.0
+
+
+def similarity(quantity: str, joint_type: str, scale: float, gravity: float) -> float:
+    """Divide the source's value by the target's in similar motion, if lengths and gravities have these ratios."""
+    length, time = (scale if joint_type == "slide" else 1.0), (scale / gravity) ** 0.5
     return length / time if quantity == "velocity" else length
 
 
@@ -85,25 +90,25 @@ def hold_steps(source: IOSpec, target: IOSpec, scale: float) -> int:
     """Control steps of the target that last as long as one of the source, in similar motion; at least one."""
     if not source.time_step or not target.time_step:
         return 1
-    return max(1, round(source.time_step / scale**0.5 / target.time_step))
+    return max(1, round(source.time_step / (scale / gravity_scale(source, target)) ** 0.5 / target.time_step))
 
 
 class Strength(NamedTuple):
-    """What an action of 1 does, free of the robot's length."""
+    """What an action of 1 does, free of the robot's length and of gravity."""
 
     acceleration: float
     load: float
-    """Force for the robot's mass, 0 if that is not known."""
+    """Force for the robot's weight, 0 if its mass is not known."""
     force: float
     """In newtons, or newton metres."""
 
 
-def strength(actuator: Actuator, length: float, mass: float) -> Strength:
-    """What an actuator does to a robot of this length and mass."""
+def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.0) -> Strength:
+    """What an actuator does to a robot of this length and mass, under so many times the gravity."""
     lever = length if actuator.unit == "N m" else 1.0
     force = actuator.gear * (actuator.high - actuator.low) / 2
-    load = force / (mass * lever) if mass else 0.0
-    return Strength(actuator.authority * lever, load, force)  # angular accelerations scale with 1 / length
+    load = force / (mass * lever * gravity) if mass else 0.0
+    return Strength(actuator.authority * lever / gravity, load, force)  # angular accelerations scale with 1 / length
 
 
 def factors(keeps: Kept, own: Strength, others: Sequence[Strength]) -> list[float]:
