@@ -22,9 +22,10 @@ def test_a_wrapped_critic_on_its_own_source_is_the_cores(full_core):
     assert isinstance(make_critic(policy, TWO, HIDDEN, generator()).ensemble, Ensemble)
 
 
-def test_a_core_with_another_number_of_members_is_not_wrapped(full_core):
+def test_a_core_with_another_number_of_members_is_not_wrapped_and_that_is_said(full_core, caplog):
     policy = wrap(full_core, full_core.spec)
     assert isinstance(make_critic(policy, DynaConfig(critics=5), HIDDEN, generator(), wrapped=True).ensemble, Ensemble)
+    assert "wrap.critic has no effect" in caplog.text
     assert isinstance(make_dynamics(policy, full_core.spec, ModelConfig(members=5), generator()).ensemble, Ensemble)
     assert not isinstance(make_dynamics(policy, full_core.spec, THREE, generator()).ensemble, Ensemble)
 

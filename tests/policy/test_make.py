@@ -9,7 +9,7 @@ import torch
 from tests.policy.cores import random_core
 from tests.toys import Counter
 from transferkit import load_core, match, wrap
-from transferkit.config import NetworkConfig, TrainConfig
+from transferkit.config import PRESETS, NetworkConfig, TrainConfig
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
 from transferkit.nn import PolicyNet
@@ -66,6 +66,13 @@ def test_auto_falls_back_to_random_where_nothing_matches(untrained_core, specs):
     assert "random; nothing is matched" in wrap(untrained_core, specs["Hopper-v5"]).describe()
     with pytest.raises(ConfigError, match=r"nothing in Hopper-v5 means what .*; use wrap.adapter=random"):
         wrap(untrained_core, specs["Hopper-v5"], adapter="semantic")
+
+
+def test_a_sandwich_is_that_of_its_trainers_preset(untrained_core, specs):
+    of = {algo: wrap(untrained_core, specs[IDP], algo=algo).config for algo in PRESETS}
+    assert of == {algo: TrainConfig(IDP, algo=algo).wrap for algo in PRESETS}
+    with pytest.raises(UnknownNameError, match="unknown trainer 'dyna'; did you mean dyna-ppo or dyna-ddpg"):
+        wrap(untrained_core, specs[IDP], algo="dyna")
 
 
 @pytest.mark.parametrize("tap", ["features", "action"])

@@ -5,7 +5,7 @@ from transferkit.config.env import EnvConfig
 from transferkit.config.migrate import migrated_blueprint
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
-from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, Preset, preset_family, preset_version
+from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, Preset, preset_family, preset_of, preset_version
 from transferkit.config.train import TrainConfig, check_read, identity, overrides, with_settings
 from transferkit.config.wrap import WrapConfig
 
@@ -28,6 +28,7 @@ __all__ = [
     "migrated_blueprint",
     "overrides",
     "preset_family",
+    "preset_of",
     "preset_version",
     "with_settings",
 ]

@@ -188,6 +188,17 @@ def preset_version(algo: Algorithm, name: str) -> str:
     return max(newest, key=lambda version: int(version.rpartition("-v")[2]))
 
 
+def preset_of(algo: Algorithm, name: str) -> Preset:
+    """Take the settings of a preset.
+
+    Raises:
+        UnknownNameError: there is no such trainer, or it has no such preset.
+    """
+    if algo not in PRESETS:
+        raise UnknownNameError("trainer", algo, [*PRESETS])
+    return PRESETS[algo][preset_version(algo, name)]
+
+
 def closest_preset(algo: Algorithm, name: str, sections: Mapping[str, object]) -> str:
     """Find the version of a preset that leaves the fewest settings of these sections to override; the newest of several.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -22,6 +23,8 @@ from transferkit.nn import (
 from transferkit.policy.adapters import InputAdapter
 from transferkit.policy.wrapped_ensemble import WrappedEnsemble
 
+LOGGER = logging.getLogger("transferkit")
+
 if TYPE_CHECKING:
     from transferkit.config import DynaConfig, ModelConfig
     from transferkit.policy.base import Policy
@@ -41,6 +44,12 @@ def make_critic(
         EnsembleArchitecture(config.critics, width, 1, tuple(hidden), config.layer_norm, config.unit_norm), generator
     )
     origin = _origin(policy, "critic", config.critics) if wrapped else None
+    if wrapped and origin is None and policy.origin is not None:
+        LOGGER.warning(
+            "wrap.critic has no effect: %s has no %d critics, as dyna.critics says, that judge all it drives",
+            policy.origin.core.id,
+            config.critics,
+        )
     if origin is None:
         return Critic(JointInput(policy.normalizer), new)
     core = _own(origin.core.critic(origin.member).ensemble, Ensemble)

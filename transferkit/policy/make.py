@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import torch
 
-from transferkit.config import PRESETS, NetworkConfig, WrapConfig, preset_version
+from transferkit.config import NetworkConfig, WrapConfig, preset_of
 from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec, dims_of
 from transferkit.errors import ConfigError, DimensionError, UnknownNameError
@@ -24,7 +24,7 @@ from transferkit.spec import IOSpec
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
-    from transferkit.config import TrainConfig
+    from transferkit.config import Algorithm, TrainConfig
     from transferkit.envs import EnvLike
     from transferkit.matching import Match
     from transferkit.pairing import Pairing
@@ -37,6 +37,7 @@ def wrap(
     env: EnvLike | IOSpec,
     *,
     preset: str = "default",
+    algo: Algorithm = "ppo",
     config: WrapConfig | None = None,
     member: int = 0,
     match: str | Path | Pairing | Match | None = None,
@@ -49,6 +50,7 @@ def wrap(
         core: from `transferkit.load_core`, of a zoo or of a finished run.
         env: the target, in any form that `make_env` takes (the state of one that is made is lost: reset it), or its `IOSpec`.
         preset: whose sandwich to build: `default`, `paper`, or a version of them, such as `default-v1`.
+        algo: the trainer whose preset that is.
         config: all options at once, in place of the preset.
         member: which of the core's source seeds.
         match: how the core stands on the target, in place of what is found: a file from `transferkit match`, perhaps edited, or
@@ -57,14 +59,14 @@ def wrap(
         **options: any field of `WrapConfig`, over the preset: `tap`, `adapter`, `freeze`, `lr_scale`, `residual`, ...
 
     Raises:
-        UnknownNameError: an unknown option or preset, a part that does not exist, or a name in the match that does not.
+        UnknownNameError: an unknown option, preset or trainer, or a part or a name in the match that does not exist.
         ConfigError: something else than a core, a value out of its range, or `adapter="semantic"` if nothing matches.
         DimensionError: the core's card and its weights, or the paper's sandwich and the core, do not fit.
     """
     check_kind("core", core, Core, "get it from load_core")
     if config is not None:
         check_kind("config", config, WrapConfig, "give single options by name instead, such as tap='action'")
-    config = _configure(config or PRESETS["ppo"][preset_version("ppo", preset)].wrap, options)
+    config = _configure(config or preset_of(algo, preset).wrap, options)
     target = env if isinstance(env, IOSpec) else derive_spec(env)
     source = core.spec
     _check_dims(core.architecture, source, core.id)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from transferkit.config import PRESETS, preset_version
+from transferkit.config import preset_of
 from transferkit.envs import derive_spec
 from transferkit.errors import UnknownNameError
 from transferkit.matching import find_pairing
@@ -42,7 +42,7 @@ def match(
     for name in options:
         if name not in OPTIONS:
             raise UnknownNameError("option of match", name, OPTIONS)
-    config = replace(PRESETS["ppo"][preset_version("ppo", preset)].wrap, **options)
+    config = replace(preset_of("ppo", preset).wrap, **options)
     specs = [source.spec if isinstance(source, Core) else _spec(source), _spec(target)]
     return find_pairing(config, *specs)
 
