@@ -140,7 +140,7 @@ class Job:
             with closing(self.make_env()) as env:
                 return episode_limit(env)
 
-        return is_compiled(self.config, limit, recorded=recorded)
+        return is_compiled(self.config, limit, lambda: derive_spec(self.env).time_step, recorded=recorded)
 
     def open(self, ledger: Ledger, *, compiled: bool, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
         """Start the run's directory, or take it up with its last checkpoint if its record is the same.

@@ -25,8 +25,16 @@ EPISODE_SHARE = 0.1
 REMEDY = "install g++, or name another compiler in CXX"
 
 
-def is_compiled(config: TrainConfig, episode_limit: Callable[[], int | None], *, recorded: bool | None = None) -> bool:
+def is_compiled(
+    config: TrainConfig,
+    episode_limit: Callable[[], int | None],
+    time_step: Callable[[], float],
+    *,
+    recorded: bool | None = None,
+) -> bool:
     """Decide it: as it was `recorded` if the run goes on, else as `config.compile` says.
+
+    The environment's limit of steps and its time step are asked for if the decision needs them.
 
     Raises:
         ConfigError: it must be, and cannot; or the record says the opposite.
@@ -41,7 +49,7 @@ def is_compiled(config: TrainConfig, episode_limit: Callable[[], int | None], *,
         return recorded
     if is_captured(config):
         return config.compile != "off"
-    if config.compile == "off" or (config.compile == "auto" and not _pays(config, episode_limit)):
+    if config.compile == "off" or (config.compile == "auto" and not _pays(config, episode_limit, time_step)):
         return False
     if config.compile == "on":
         check_compiler()
@@ -66,17 +74,20 @@ def check_compiler() -> None:
         raise ConfigError(f"the updates cannot be compiled: {reason}", remedy=REMEDY)
 
 
-def _pays(config: TrainConfig, episode_limit: Callable[[], int | None]) -> bool:
+def _pays(config: TrainConfig, episode_limit: Callable[[], int | None], time_step: Callable[[], float]) -> bool:
     """Whether the budget has room for enough updates; PPO's on an accelerator nobody has measured."""
     if config.device != "cpu":
         return False
     by_episodes = EPISODE_SHARE * config.episodes * (episode_limit() or NO_LIMIT) if config.episodes else 0
     steps = min(limit for limit in (config.steps, by_episodes, (config.seconds or 0) * STEPS_PER_SECOND) if limit)
-    return steps * _updates_per_step(config) >= LEAST_UPDATES
+    return steps * _updates_per_step(config, time_step) >= LEAST_UPDATES
 
 
-def _updates_per_step(config: TrainConfig) -> float:
+def _updates_per_step(config: TrainConfig, time_step: Callable[[], float]) -> float:
     """About how many updates follow an environment step."""
+    if config.algo == "dyna-ddpg":
+        hold = 1 if config.core else config.dyna.hold_steps(time_step())
+        return config.dyna.updates(hold, time_step()) / hold
     ppo, imagined = config.ppo.epochs / config.ppo.batch_size, config.dyna_ppo
     of_imagined = imagined.updates * imagined.rollouts * imagined.horizon / config.model.every
-    return {"ppo": ppo, "dyna-ppo": ppo * of_imagined, "dyna-ddpg": config.dyna.updates_per_step}[config.algo]
+    return ppo * (of_imagined if config.algo == "dyna-ppo" else 1)

@@ -95,6 +95,9 @@ def test_a_compiler_that_fails_is_named_in_one_line(monkeypatch, tmp_path):
     ("algo", "budget", "pays"),
     [
         ("dyna-ddpg", {"steps": 20_000}, True),
+        ("dyna-ddpg", {"steps": 8_000}, False),  # ten updates after each action, which lasts four steps
+        ("dyna-ddpg", {"steps": 8_000, "core": "hopper-v1"}, False),  # three after each step
+        ("dyna-ddpg", {"steps": 8_000, "core": "hopper-v1", "preset": "default-v2"}, True),  # ten
         ("dyna-ddpg", {"steps": 9, "device": "cuda"}, True),  # captured, which costs nothing
         ("ppo", {"steps": 1_000_000, "device": "cuda"}, False),
         ("dyna-ddpg", {"seconds": 60}, False),
@@ -104,4 +107,4 @@ def test_a_compiler_that_fails_is_named_in_one_line(monkeypatch, tmp_path):
 )
 def test_a_budget_pays_for_compiling_or_does_not(algo, budget, pays, monkeypatch):
     monkeypatch.setattr("transferkit.trainers.compilation.cannot_compile", lambda: None)
-    assert is_compiled(TrainConfig("Hopper-v5", algo=algo, **budget), lambda: 1000) == pays
+    assert is_compiled(TrainConfig("Hopper-v5", algo=algo, **budget), lambda: 1000, lambda: 0.008) == pays
