@@ -113,19 +113,19 @@ def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.
 
 def factors(keeps: Kept, own: Strength, others: Sequence[Strength]) -> list[float]:
     """Factors from an action of the source to those that do together what it does; 1 where strengths are not known."""
-    of = 0 if keeps == "acceleration" else 1
+    of = "acceleration" if keeps == "acceleration" else "load"
     share = _share(of, own, others)
     if not share:
         return [1.0] * len(others)
     if keeps == "greater":
-        enough = min(abs(_share(0, own, others)), abs(_share(2, own, others)))
+        enough = min(abs(_share("acceleration", own, others)), abs(_share("force", own, others)))
         share = math.copysign(max(abs(share), enough), share)
-    return [share * float(np.sign(other[of])) for other in others]
+    return [share * float(np.sign(getattr(other, of))) for other in others]
 
 
-def _share(of: int, own: Strength, others: Sequence[Strength]) -> float:
-    together = sum(abs(other[of]) for other in others)
-    return own[of] / together if together else 0.0
+def _share(of: str, own: Strength, others: Sequence[Strength]) -> float:
+    together = sum(abs(getattr(other, of)) for other in others)
+    return getattr(own, of) / together if together else 0.0
 
 
 def mass(spec: IOSpec) -> float:
