@@ -45,11 +45,9 @@ def make_critic(
     )
     origin = _origin(policy, "critic", config.critics) if wrapped else None
     if wrapped and origin is None and policy.origin is not None:
-        LOGGER.warning(
-            "wrap.critic has no effect: %s has no %d critics, as dyna.critics says, that judge all it drives",
-            policy.origin.core.id,
-            config.critics,
-        )
+        core, needed = policy.origin.core, f"{config.critics} critics (dyna.critics), and to drive one limb"
+        found = core.ensembles["critic"].members if "critic" in core.ensembles else 0
+        LOGGER.warning("wrap.critic has no effect: %s has %d critics, and needs %s", core.id, found, needed)
     if origin is None:
         return Critic(JointInput(policy.normalizer), new)
     core = _own(origin.core.critic(origin.member).ensemble, Ensemble)
