@@ -64,7 +64,7 @@ ON_PROBATION = replace(MECHANISM, probation=5)
 KEPT = replace(ON_PROBATION, fall_back=True)
 """And whose core stands in for what is learnt until that is as good."""
 
-NEWEST = replace(KEPT, forces="greater")
+UNWEAKENED = replace(KEPT, forces="greater")
 """And that does not weaken what drives a lighter robot."""
 
 CRITIC_FIRST = 0.05
@@ -80,7 +80,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v3": Preset(wrap=MECHANISM),
         "default-v4": Preset(wrap=ON_PROBATION),
         "default-v5": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=KEPT),
-        "default-v6": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(NEWEST, least_std=LEAST_STD)),
+        "default-v6": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(UNWEAKENED, least_std=LEAST_STD)),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -107,7 +107,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v1": Preset(network=DDPG_NETWORK),
         "default-v2": Preset(network=DDPG_NETWORK, dyna=FIVE_CRITICS, wrap=MECHANISM),
         "default-v3": Preset(
-            network=DDPG_NETWORK, dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True), wrap=NEWEST
+            network=DDPG_NETWORK, dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True), wrap=UNWEAKENED
         ),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
@@ -160,7 +160,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         # By KL divergence, PPO's default, it learnt less on all of four tuning seeds.
         "default-v1": Preset(ppo=IMAGINED_PPO),
         "default-v2": Preset(ppo=IMAGINED_PPO, wrap=MECHANISM),
-        "default-v3": Preset(ppo=IMAGINED_PPO, wrap=NEWEST),
+        "default-v3": Preset(ppo=IMAGINED_PPO, wrap=UNWEAKENED),
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
@@ -176,8 +176,10 @@ def preset_version(algo: Algorithm, name: str) -> str:
     """The full name of a preset: `default` and `paper` are their newest versions.
 
     Raises:
-        UnknownNameError: the trainer has no such preset.
+        UnknownNameError: an unknown trainer, or a preset that it does not have.
     """
+    if algo not in PRESETS:
+        raise UnknownNameError("trainer", algo, [*PRESETS])
     versions = PRESETS[algo]
     if name in versions:
         return name
@@ -192,11 +194,10 @@ def preset_of(algo: Algorithm, name: str) -> Preset:
     """Take the settings of a preset.
 
     Raises:
-        UnknownNameError: there is no such trainer, or it has no such preset.
+        UnknownNameError: an unknown trainer, or a preset that it does not have.
     """
-    if algo not in PRESETS:
-        raise UnknownNameError("trainer", algo, [*PRESETS])
-    return PRESETS[algo][preset_version(algo, name)]
+    version = preset_version(algo, name)
+    return PRESETS[algo][version]
 
 
 def closest_preset(algo: Algorithm, name: str, sections: Mapping[str, object]) -> str:

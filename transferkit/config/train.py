@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE, POSITIVE, Seed, check, check_value
 from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
@@ -97,8 +97,6 @@ class TrainConfig:
     def __post_init__(self) -> None:
         check_value("algo", self.algo, str)
         check_value("preset", self.preset, str)
-        if self.algo not in PRESETS:
-            raise UnknownNameError("trainer", self.algo, get_args(Algorithm))
         version = preset_version(self.algo, self.preset)
         object.__setattr__(self, "preset", version)
         for name in SECTIONS:

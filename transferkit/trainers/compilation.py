@@ -86,8 +86,9 @@ def _pays(config: TrainConfig, episode_limit: Callable[[], int | None], time_ste
 def _updates_per_step(config: TrainConfig, time_step: Callable[[], float]) -> float:
     """About how many updates follow an environment step."""
     if config.algo == "dyna-ddpg":
-        hold = 1 if config.core else config.dyna.hold_steps(time_step())
-        return config.dyna.updates(hold, time_step()) / hold
+        seconds = time_step()
+        hold = 1 if config.core else config.dyna.hold_steps(seconds)
+        return config.dyna.updates(hold, seconds) / hold
     ppo, imagined = config.ppo.epochs / config.ppo.batch_size, config.dyna_ppo
     of_imagined = imagined.updates * imagined.rollouts * imagined.horizon / config.model.every
     return ppo * (of_imagined if config.algo == "dyna-ppo" else 1)
