@@ -1,3 +1,5 @@
+import logging
+
 import pytest
 
 from experiments.bench.__main__ import BENCHES, main
@@ -22,6 +24,7 @@ def test_a_bench_runs_and_prints(name, words, capfd, monkeypatch):
     printed = capfd.readouterr().out
     for word in words:
         assert word in printed
+    assert logging.getLogger().isEnabledFor(logging.WARNING)  # also for what is measured after it
 
 
 def test_the_help_lists_every_bench(capsys):
