@@ -26,6 +26,9 @@ logging.getLogger("absl").addFilter(lambda record: "is deprecated" not in record
 EPISODE_LIMIT = 1000
 """Control steps; the suite's own limit. Its two `lqr` tasks have none and get the same one here."""
 
+MOST_REWARD = 1.0
+"""Of a step; what a suite's task can give at most is that in each (Tassa et al. 2018)."""
+
 MODEL_SEED = 0
 """The `lqr` tasks draw stiffness and damping when they are loaded; a fixed draw makes their id name one system."""
 
@@ -78,6 +81,7 @@ class SuiteTask(DmControlEnv):
             f"{_PREFIX}{domain}-{task}{_SUFFIX}",
             "envs_dmc.suite:SuiteTask",
             max_episode_steps=self.episode_limit,
+            reward_threshold=self.episode_limit * MOST_REWARD,
             disable_env_checker=True,
             kwargs={"domain": domain, "task": task} | given,
         )

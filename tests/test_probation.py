@@ -67,6 +67,22 @@ def test_a_core_is_trusted_if_it_is_better_than_doing_nothing():
     assert "\n" not in worse.reason
 
 
+def test_a_core_can_be_asked_to_come_some_way_to_what_solves_the_task():
+    spec = gymnasium.envs.registration.EnvSpec("Line-v0", reward_threshold=10.0)
+    solvable = type("Solvable", (Line,), {"spec": spec})
+    held = lambda env, share: hold_probation(Signed(1), env, Budget(steps=1000), 5, 0, share)[0]  # noqa: E731
+    assert [held(solvable, share).accepted for share in (0.0, 0.55, 0.56)] == [True, True, False]  # 5.55 of 10
+    assert "better than doing nothing by less than 5.6: mean return 5.55 against 0" in held(solvable, 0.56).reason
+    assert held(Line, 1.0).accepted  # it does not say what solves it
+
+
+def test_a_pole_is_no_help_for_two_or_for_a_hopper():
+    asked = {env: TrainConfig(env, core=CORE).wrap.least_gain for env in (IDP, "Hopper-v5")}
+    for env, share in asked.items():
+        policy = wrap(load_core(CORE), env, seed=100)
+        assert not hold_probation(policy, lambda env=env: make_env(env), Budget(episodes=200), 5, 100, share)[0].accepted
+
+
 def test_as_many_pairs_are_played_as_a_tenth_of_the_budget_holds():
     assert found(Signed(1), Budget(episodes=19)) is None
     assert [len(found(Signed(1), Budget(episodes=n)).zero) for n in (20, 45, 999)] == [1, 2, 5]
@@ -104,7 +120,7 @@ def test_actions_that_never_change_are_refused():
 
 def config(algo, **options):
     given = {"env": IDP, "core": CORE, "member": 2, "seed": 102, "episodes": 60, "eval_episodes": 2, "checkpoint_seconds": 0.0}
-    return with_settings(TrainConfig(**{**given, **options}, algo=algo), SMALL[algo])
+    return with_settings(TrainConfig(**{**given, **options}, algo=algo), SMALL[algo] | {"wrap.least_gain": 0.0})
 
 
 @pytest.mark.parametrize("algo", SMALL)

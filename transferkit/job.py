@@ -98,7 +98,7 @@ class Job:
         recorded = read_beside(read_record(self.out)).probation if self._is_recorded(resume=resume) else None
         if self._is_under_way(resume=resume):
             return self if recorded is None else self._judged(recorded, None)
-        held = hold_probation(self.policy, self.make_env, self._budget(), pairs, self.config.seed)
+        held = hold_probation(self.policy, self.make_env, self._budget(), pairs, self.config.seed, self.config.wrap.least_gain)
         if held is None:
             LOGGER.warning("%s is trusted: a tenth of the budget is too little to play against doing nothing", self.core.id)
             return self

@@ -1,8 +1,9 @@
-"""Probation: before it is trained, a wrapped core plays against doing nothing, and is refused if it is no better.
+"""Probation: before it is trained, a wrapped core plays against doing nothing, and is refused if it is not worth its place.
 
 What a core does on a target can be worse than nothing, and training then starts in a hole. A core that is refused is not
 trained: the run is one from scratch, to the bit, but for what this cost. Episodes are played to their end: within a second a
-pole that nobody holds does not fall, and a core that holds it only looks busy.
+pole that nobody holds does not fall, and a core that holds it only looks busy. More can be asked of it than to be better: who
+trains around it explores near what it does, and if that is little, comes to less than from scratch (study `ladder`).
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ Episode = Sequence["Transition"]
 
 
 def hold_probation(
-    policy: Policy, make_env: Callable[[], gymnasium.Env], budget: Budget, pairs: int, seed: int
+    policy: Policy, make_env: Callable[[], gymnasium.Env], budget: Budget, pairs: int, seed: int, least_gain: float = 0.0
 ) -> tuple[Probation, Transitions] | None:
     """Play episodes of the policy's deterministic actions and of zero action in pairs, from the same starts.
 
@@ -53,6 +54,7 @@ def hold_probation(
         budget: of the run.
         pairs: the most; fewer are played if a tenth of the budget holds fewer, but one however few its seconds are.
         seed: of the run; probation has a stream of its own.
+        least_gain: share of the way from zero action's return to the environment's `reward_threshold`, if it has one.
 
     Returns:
         What it came to, and every step that was taken; None if a tenth of the budget holds not one pair.
@@ -62,6 +64,7 @@ def hold_probation(
     left = sys.maxsize if budget.steps is None else int(SHARE * budget.steps)
     seconds = math.inf if budget.seconds is None else SHARE * budget.seconds
     with closing(make_env()) as env:
+        solved = env.unwrapped.spec.reward_threshold if env.unwrapped.spec else None
         if not pairs or left < 2 * (episode_limit(env) or 1):
             return None
         for k in range(pairs):
@@ -74,12 +77,13 @@ def hold_probation(
     whole = [episode for episode in episodes if episode and episode[-1].done]
     core, zero = (tuple(sum(step.reward for step in episode) for episode in side) for side in (whole[::2], whole[1::2]))
     seen = _transitions(episodes)
-    accepted, reason = _judge(episodes[::2], core, zero)
+    enough = 0.0 if solved is None or not zero else least_gain * (solved - float(np.mean(zero)))
+    accepted, reason = _judge(episodes[::2], core, zero, enough)
     return Probation(accepted, reason, core, zero, len(whole), len(seen), round(monotonic() - started, 3)), seen
 
 
-def _judge(own: Sequence[Episode], core: Sequence[float], zero: Sequence[float]) -> tuple[bool, str]:
-    """Decide by the returns, and say why."""
+def _judge(own: Sequence[Episode], core: Sequence[float], zero: Sequence[float], enough: float) -> tuple[bool, str]:
+    """Decide by the returns, which have to differ by so much, and say why."""
     actions = np.stack([step.action for step in chain(*own)]).clip(-1.0, 1.0)
     if np.ptp(actions, axis=0).max() < STILL:
         return False, "its actions never change"
@@ -90,7 +94,11 @@ def _judge(own: Sequence[Episode], core: Sequence[float], zero: Sequence[float])
     better = p < ALPHA or p == 0.5**count  # the least that so many pairs can have
     pairs = f"{count} pair{'s' * (count != 1)}"
     means = f"mean return {np.mean(core[:count]):.4g} against {np.mean(zero):.4g} over {pairs} of episodes, p {p:.2g}"
-    return better, f"{'better' if better else 'not clearly better'} than doing nothing: {means}"
+    if not better:
+        return False, f"not clearly better than doing nothing: {means}"
+    if np.mean(core[:count]) - np.mean(zero) < enough:
+        return False, f"better than doing nothing by less than {enough:.4g}: {means}"
+    return True, f"better than doing nothing: {means}"
 
 
 def _transitions(episodes: Sequence[Episode]) -> Transitions:

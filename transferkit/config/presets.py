@@ -67,6 +67,9 @@ KEPT = replace(ON_PROBATION, fall_back=True)
 UNWEAKENED = replace(KEPT, forces="greater")
 """And that does not weaken what drives a lighter robot."""
 
+WORTH_IT = replace(UNWEAKENED, least_gain=0.05)
+"""And that refuses a core which comes less far than the margin by which a verdict tells harm."""
+
 CRITIC_FIRST = 0.05
 """Of the budget; beside it retention (Wolczyk et al. 2024) won nothing in trials on Walker2d-v5 and the cart-pole."""
 
@@ -81,6 +84,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v4": Preset(wrap=ON_PROBATION),
         "default-v5": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=KEPT),
         "default-v6": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(UNWEAKENED, least_std=LEAST_STD)),
+        "default-v7": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(WORTH_IT, least_std=LEAST_STD)),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -161,10 +165,12 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v1": Preset(ppo=IMAGINED_PPO),
         "default-v2": Preset(ppo=IMAGINED_PPO, wrap=MECHANISM),
         "default-v3": Preset(ppo=IMAGINED_PPO, wrap=UNWEAKENED),
+        "default-v4": Preset(ppo=IMAGINED_PPO, wrap=WORTH_IT),
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
-of the others until 2026-11-28; `paper-v1` follows the paper's code (docs: departures)."""
+of the others until 2026-11-28, `default-v6` of PPO and `default-v3` of DYNA-PPO until 2026-11-29; `paper-v1` follows the
+paper's code (docs: departures)."""
 
 
 def preset_family(version: str) -> str:

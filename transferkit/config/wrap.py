@@ -57,6 +57,9 @@ class WrapConfig:
     probation: Annotated[int, Range(0, 1000)] = 0
     """Pairs of episodes in which the core plays against zero action before it is trained; one that is no better is refused, and
     the run is one from scratch. 0 trusts it, and so does a budget that is too small to ask."""
+    least_gain: Annotated[float, SHARE] = 0.0
+    """How far a core has to come on probation, as a share of the way from zero action's return to the one at which the task
+    counts as solved (Gymnasium's `reward_threshold`). 0, or a task that does not say, asks only that it is better."""
     fall_back: bool = False
     """Evaluate and save the core as it was wrapped, while the run's latest training episodes are worse than the core's own
     on probation."""
