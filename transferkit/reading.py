@@ -10,9 +10,10 @@ import dataclasses
 import hashlib
 import json
 import os
+import re
 import stat
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -137,7 +138,37 @@ def typed(value: object, kind: type[T]) -> T:
     try:
         return msgspec.convert(value, kind)
     except (msgspec.MsgspecError, ValueError, OverflowError) as error:
-        raise FormatError(f"{error}") from None
+        raise FormatError(f"{error}{_allowed(str(error), kind)}") from None
+
+
+def _allowed(error: str, kind: type) -> str:
+    """What may stand where msgspec found none of the values that a type lists."""
+    if not error.startswith("Invalid enum value") or " at `key` in " in error:
+        return ""
+    steps = [name or place for name, place in re.findall(r"\.(\w+)|\[([\d.]+)\]", error.rpartition("`$")[2])]
+    return f"; known are {', '.join(dict.fromkeys(map(str, _listed(msgspec.inspect.type_info(kind), steps))))}"
+
+
+def _listed(info: Any, steps: Sequence[str]) -> Iterator[object]:  # noqa: ANN401 - one of msgspec's forty classes
+    """The values that a type lists at the end of the steps."""
+    match info:
+        case msgspec.inspect.UnionType():
+            inner = [(one, steps) for one in info.types]
+        case msgspec.inspect.DataclassType():
+            inner = [(field.type, steps[1:]) for field in info.fields if field.encode_name in steps[:1]]
+        case msgspec.inspect.DictType():
+            inner = [(info.value_type, steps[1:])]
+        case msgspec.inspect.ListType() | msgspec.inspect.VarTupleType():
+            inner = [(info.item_type, steps[1:])]
+        case msgspec.inspect.TupleType():
+            inner = [(info.item_types[int(steps[0])], steps[1:])]
+        case msgspec.inspect.LiteralType():
+            yield from info.values
+            return
+        case _:
+            return
+    for one, rest in inner:
+        yield from _listed(one, rest)
 
 
 def _strict(value: object, kind: type[T]) -> T:

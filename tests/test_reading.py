@@ -1,0 +1,34 @@
+"""What a file has in place of a listed value is answered with the list, wherever it stands."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import pytest
+
+from transferkit.reading import FormatError, typed
+
+Colour = Literal["red", "blue"]
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A value of every kind that readers declare."""
+
+    colour: Colour | None = None
+    more: tuple[Colour, ...] = ()
+    pair: tuple[int, Colour] = (0, "red")
+    named: dict[str, list[Colour]] | None = None
+    keyed: dict[Colour, int] | None = None
+
+
+@pytest.mark.parametrize("given", [{"colour": "r"}, {"more": ["red", "r"]}, {"pair": [1, "r"]}, {"named": {"a.b]": ["r"]}}])
+def test_a_word_that_is_not_listed_is_answered_with_those_that_are(given):
+    with pytest.raises(FormatError, match=r"'r'.*; known are blue, red$"):
+        typed(given, Picture)
+
+
+def test_what_else_is_wrong_is_said_without_a_list():
+    for given in ({"colour": 1}, {"keyed": {"r": 1}}, {"more": "red"}):
+        with pytest.raises(FormatError) as error:
+            typed(given, Picture)
+        assert "known are" not in str(error.value)
