@@ -68,12 +68,16 @@ def test_a_core_is_trusted_if_it_is_better_than_doing_nothing():
 
 
 def test_a_core_can_be_asked_to_come_some_way_to_what_solves_the_task():
-    spec = gymnasium.envs.registration.EnvSpec("Line-v0", reward_threshold=10.0)
-    solvable = type("Solvable", (Line,), {"spec": spec})
+    def solvable(threshold=10.0):
+        env = Line()
+        env.spec = gymnasium.envs.registration.EnvSpec("Line-v0", reward_threshold=threshold)
+        return env
+
     held = lambda env, share: hold_probation(Signed(1), env, Budget(steps=1000), 5, 0, share)[0]  # noqa: E731
     assert [held(solvable, share).accepted for share in (0.0, 0.55, 0.56)] == [True, True, False]  # 5.55 of 10
     assert "better than doing nothing by less than 5.6: mean return 5.55 against 0" in held(solvable, 0.56).reason
-    assert held(Line, 1.0).accepted  # it does not say what solves it
+    for unknown in (None, "10", float("nan")):
+        assert held(lambda unknown=unknown: solvable(unknown), 1.0).accepted
 
 
 def test_a_pole_is_no_help_for_two_or_for_a_hopper():

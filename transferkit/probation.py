@@ -20,7 +20,7 @@ import gymnasium
 import numpy as np
 
 from transferkit import stats
-from transferkit.envs import episode_limit, rollout
+from transferkit.envs import episode_limit, rollout, solved_return
 from transferkit.evaluation import ZeroPolicy
 from transferkit.record.reader import Transitions
 from transferkit.run import Probation
@@ -64,7 +64,7 @@ def hold_probation(
     left = sys.maxsize if budget.steps is None else int(SHARE * budget.steps)
     seconds = math.inf if budget.seconds is None else SHARE * budget.seconds
     with closing(make_env()) as env:
-        solved = env.unwrapped.spec.reward_threshold if env.unwrapped.spec else None
+        solved = solved_return(env)
         if not pairs or left < 2 * (episode_limit(env) or 1):
             return None
         for k in range(pairs):

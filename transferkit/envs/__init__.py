@@ -1,6 +1,6 @@
 """Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
-from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, time_step
+from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, solved_return, time_step
 from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, vary
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
@@ -34,6 +34,7 @@ __all__ = [
     "opened",
     "recorded",
     "rollout",
+    "solved_return",
     "time_step",
     "vary",
     "written",

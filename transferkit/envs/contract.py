@@ -6,6 +6,7 @@ import functools
 import logging
 import math
 import traceback
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -170,6 +171,12 @@ def episode_limit(env: gymnasium.Env) -> int | None:
     limits = [env.max_episode_steps] if isinstance(env, Contract) else []
     limits.append(getattr(env.unwrapped, "episode_limit", None) if env.spec is None else env.spec.max_episode_steps)
     return min((limit for limit in limits if limit is not None), default=None)
+
+
+def solved_return(env: gymnasium.Env) -> float | None:
+    """Return at which the task counts as solved, Gymnasium's `reward_threshold`; None if the environment names no number."""
+    threshold = getattr(env.unwrapped.spec, "reward_threshold", None)
+    return float(threshold) if isinstance(threshold, Real) and math.isfinite(threshold) else None
 
 
 def time_step(env: gymnasium.Env) -> float:
