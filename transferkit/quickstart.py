@@ -88,7 +88,8 @@ def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManag
 
 def _probation(core: Core, seed: int) -> str:
     """What `train` would find of the core on two poles, and do."""
-    held = hold_probation(wrap(core, TWO_POLES), lambda: make_env(TWO_POLES), Budget(EPISODES), TRAINED.wrap.probation, seed)
+    policy, asked = wrap(core, TWO_POLES), TRAINED.wrap
+    held = hold_probation(policy, lambda: make_env(TWO_POLES), Budget(EPISODES), asked.probation, seed, asked.least_gain)
     assert held is not None
     probation, _ = held
     return f"{'trusted' if probation.accepted else 'refused'}: {probation.reason}"
