@@ -14,6 +14,7 @@ from transferkit.envs import make_env
 from transferkit.errors import InterruptedRunError
 from transferkit.evaluation import ZeroPolicy
 from transferkit.policy.base import ConstantPolicy
+from transferkit.policy.saved import load_components
 from transferkit.probation import hold_probation
 from transferkit.run import EpisodeRow, EvaluationRow, load_state, read_beside, read_record, read_table
 
@@ -168,6 +169,7 @@ def test_a_core_stands_in_for_what_is_learnt_while_that_is_behind(tmp_path, algo
     evaluations = read_table(tmp_path / "run", EvaluationRow)
     assert set(evaluations["core"]) == {1}
     assert len(set(evaluations["return_mean"])) == 1
+    assert not load_components(tmp_path / "run")  # which are of what was learnt
     saved, untrained = load_policy(tmp_path / "run"), wrap(load_core(CORE), IDP, config=config(algo).wrap, seed=100)
     assert_same_tensors(saved.state_dict(), untrained.state_dict())
     run_training(with_settings(config(algo, member=0, seed=100), {"wrap.fall_back": False}), out=tmp_path / "without")

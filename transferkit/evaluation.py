@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from transferkit import stats
 from transferkit.config.checks import EPISODES, check_value
 from transferkit.envs import dims, is_maker, opened, rollout, written
-from transferkit.errors import NotFiniteError
+from transferkit.errors import ConfigError, NotFiniteError
 from transferkit.streams import Streams
 
 if TYPE_CHECKING:
@@ -107,6 +107,11 @@ def evaluate(
         NotFiniteError, EnvironmentContractError: the policy or the environment returned what it must not.
     """
     check_value("episodes", episodes, Annotated[int, EPISODES])
+    if not callable(getattr(policy, "act", None)):
+        kind = type(policy).__name__
+        raise ConfigError(
+            f"policy is of type {kind} and cannot act", remedy="make one with wrap, scratch_policy or load_policy"
+        )
     streams, options = Streams(seed), {"clip_actions": clip_actions, "max_episode_steps": max_episode_steps}
     returns, lengths, ended = np.zeros(episodes), np.zeros(episodes, int), 0
     with ExitStack() as open_envs:

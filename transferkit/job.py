@@ -17,7 +17,7 @@ import torch
 
 from transferkit.budget import KINDS, Budget, Spent
 from transferkit.config import TrainConfig, identity, migrated_blueprint
-from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_written, make_env
+from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_written, make_env, names_module
 from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
@@ -37,6 +37,7 @@ from transferkit.run import (
     RunDirectory,
     Schedule,
     Session,
+    check_free,
     check_same,
     read_beside,
     read_record,
@@ -82,9 +83,11 @@ class Job:
         """Make one environment under the contract."""
         return make_env(self.env, **asdict(self.config.env_config))
 
-    def check(self) -> None:
-        """Refuse a budget, a device, a folder or a policy that does not fit, before anything is written."""
+    def check(self, *, resume: bool) -> None:
+        """Refuse a budget, a device, a folder or a policy that does not fit, before anything is played or written."""
         check_folder(self.out, "out")
+        if not self._is_recorded(resume=resume):
+            check_free(self.out)
         self._budget()
         _device(self.config.device)
         with closing(self.make_env()) as env:
@@ -151,10 +154,13 @@ class Job:
         made_of |= {"policy": self.policy.blueprint(), "core_digest": self.core and self.core.digest}
         made_of |= {"recordings": list(ledger)} if ledger else {}
         made_of |= {"probation": asdict(self.probation)} if self.probation else {}
-        made_of |= {} if is_written(self.config.env) else {"spec": derive_spec(self.env).to_json()}
+        known = is_written(self.config.env) and not names_module(self.config.env)
+        made_of |= {} if known else {"spec": derive_spec(self.env).to_json()}
         if not self._is_recorded(resume=resume):
             return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
         recorded = read_record(self.out)
+        if "spec" not in recorded:  # an earlier version's
+            made_of.pop("spec", None)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
         with damaged_run(self.out / RECORD):
             before["policy"] = _complete(migrated_blueprint(read_beside(recorded).policy))
@@ -215,8 +221,9 @@ class Job:
         return evaluate(policy, self.make_env, episodes=config.eval_episodes)
 
     def trained(self, trainer: Trainer, session: Session) -> dict[str, Any]:
-        """Collect the better policy, and what was trained beside it, to be saved."""
-        return state_of(self.better(session), trainer.trained())
+        """Collect the better policy, and what was trained beside it, to be saved; nothing is beside the untrained core."""
+        better = self.better(session)
+        return state_of(better, trainer.trained() if better is self.policy else {})
 
     def result(self, session: Session, scores: Scores, ledger: Ledger) -> Result:
         """Sum up the finished run."""

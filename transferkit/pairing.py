@@ -25,6 +25,10 @@ Combination = dict[str, float]
 """Coefficients by name."""
 
 
+LARGEST = 1e9
+"""Of a match's numbers."""
+
+
 @dataclass(frozen=True)
 class Copy:
     """One copy of the core on the target."""
@@ -57,11 +61,15 @@ class Pairing:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.length) and self.length > 0):
             raise ValueError(f"its length is {self.length}, and must be greater than 0")
+        if not 1 / LARGEST <= self.length <= LARGEST:
+            raise ValueError(f"its length is {self.length:g}, and must be between {1 / LARGEST:g} and {LARGEST:g}")
         if not 1 <= self.hold <= 10_000:
             raise ValueError(f"its hold is {self.hold} control steps, and must be between 1 and 10,000")
-        numbers = (x for copy in self.copies for part in vars(copy).values() for one in part.values() for x in _numbers(one))
+        numbers = [x for copy in self.copies for part in vars(copy).values() for one in part.values() for x in _numbers(one)]
         if not all(map(math.isfinite, numbers)):
             raise ValueError("its numbers must be finite")
+        if (largest := max(map(abs, numbers), default=0.0)) > LARGEST:
+            raise ValueError(f"it has the number {largest:g}, and its numbers must be {LARGEST:g} at most")
         if not 1 <= len(self.copies) <= 64:
             raise ValueError(f"it has {len(self.copies)} copies, and must have 1 to 64")
 

@@ -99,6 +99,7 @@ def parse_yaml(data: bytes, kind: type[T]) -> T:
     try:
         text = data.decode("utf-8-sig")
         _check_references(yaml.parse(text, yaml.SafeLoader))
+        _check_keys(yaml.compose(text, yaml.SafeLoader))
         value = yaml.safe_load(text)
     except FormatError:
         raise
@@ -127,6 +128,22 @@ def _check_references(events: Iterable[Any]) -> None:
                 sizes[name] = sizes.get(name, 0) + 1
             if kind != "ScalarEvent":
                 opened.append(event.anchor)
+
+
+def _check_keys(node: Any) -> None:  # noqa: ANN401 - a node of YAML
+    """Refuse a name that stands twice in one mapping."""
+    parts = getattr(node, "value", None)
+    if not isinstance(parts, list):
+        return
+    names: set[object] = set()
+    for part in parts:
+        for inner in part if isinstance(part, tuple) else (part,):
+            _check_keys(inner)
+        if isinstance(part, tuple):
+            if part[0].value in names:
+                raise FormatError(f"{part[0].value} stands twice in one place, again in line {part[0].start_mark.line + 1}")
+            if isinstance(part[0].value, str):
+                names.add(part[0].value)
 
 
 def typed(value: object, kind: type[T]) -> T:

@@ -31,6 +31,9 @@ grows by the same in every step; of what is `unknown` nothing can be said."""
 MOST = 4096
 """Elements of an observation or an action, and joints."""
 
+ACTED = ".action"
+"""Follows an actuator's name in that of the element which says what it was told."""
+
 EARTH = 9.81
 """Its gravity, m/s^2."""
 
@@ -127,6 +130,8 @@ class IOSpec:
     versions: Mapping[str, str]
     gravity: float = EARTH
     """Acceleration of what falls, m/s^2; specs of before do not say."""
+    hold: int = 1
+    """Control steps for which a policy of it holds an action: more than one of a run around a core that does."""
 
     def __post_init__(self) -> None:
         if max(self.obs_dim, self.act_dim, len(self.joints)) > MOST:
@@ -135,6 +140,8 @@ class IOSpec:
             raise ValueError(f"its time step is {self.time_step} s")
         if not 0 <= self.gravity <= 1e6:
             raise ValueError(f"its gravity is {self.gravity} m/s^2")
+        if not 1 <= self.hold <= 10_000:
+            raise ValueError(f"its actions are held for {self.hold} control steps")
         above: set[str | None] = {None}
         for joint in self.joints:
             if joint.parent not in above:

@@ -110,6 +110,9 @@ def train(
     check_kind("policy", policy, Policy, "make one with wrap(core, env) or scratch_policy(env)")
     check_kind("budget", budget, Budget, "give one, such as Budget(episodes=200)")
     check_kind("settings", {} if settings is None else settings, Mapping, "give them by name, such as {'ppo.gamma': 0.98}")
+    check_kind("out", "" if out is None else out, (str, Path), "give a folder, such as 'runs/mine'")
+    for name in settings or {}:
+        check_kind("a setting's name", name, str, "give them by name, such as {'ppo.gamma': 0.98}")
     core, wrapping = _core_of(policy)
     config = TrainConfig(
         recorded(env),
@@ -141,7 +144,7 @@ def _core_of(policy: Policy) -> tuple[Core | None, dict[str, Any]]:
 
 
 def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
-    job.check()
+    job.check(resume=resume)
     job = job.on_probation(resume=resume)
     prior, ledger = job.experience(resume=resume)
     compiled = job.compiles(resume=resume)

@@ -73,7 +73,7 @@ class Variation:
                 raise UnknownNameError("variation", what, NAMES, topic="variations")
             values = value if isinstance(value, Mapping) else {part: value}
             tables.setdefault(what, {}).update(values)
-        single = {name: tables.pop(name)[""] for name in WHOLE if "" in tables.get(name, {})}
+        single = {name: tables.pop(name)[""] for name in WHOLE if tables.get(name, {}).keys() == {""}}
         for name in (*WHOLE, "gravity"):
             if set(tables.get(name, ())) - ({""} if name == "gravity" else set()):
                 raise ConfigError(f"{name} is one for the whole environment", remedy=f"give {name}=VALUE", topic="variations")
@@ -111,6 +111,15 @@ class Variation:
     def draw(self, rng: np.random.Generator) -> dict[str, dict[str, float]]:
         """Factors of an episode, by property and part."""
         return {name: {part: draw(amount, rng) for part, amount in table.items()} for name, table in self.factors.items()}
+
+    def nominal(self) -> dict[str, dict[str, float]]:
+        """Factors of the robot that a family is drawn around: 1, or the middle of a range that does not hold it."""
+        return {name: {part: _nominal(amount) for part, amount in table.items()} for name, table in self.factors.items()}
+
+
+def _nominal(amount: Amount) -> float:
+    low, high = amount
+    return 1.0 if low <= 1.0 <= high and low < high else (low + high) / 2
 
 
 def draw(amount: Amount, rng: np.random.Generator) -> float:

@@ -85,7 +85,7 @@ class Bad(Counter):
     [
         ("raises", EnvironmentContractError, r"failed in step 1 with KeyError: 'robot' \(test_make.py, line \d+\)"),
         ("shape", EnvironmentContractError, r"an observation of shape \(7,\)"),
-        ("too few", EnvironmentContractError, "step of Bad returned 3 values must be 5: observation, reward"),
+        ("too few", EnvironmentContractError, "step of Bad returned 3 and not 5 values: observation, reward"),
         ("reward", EnvironmentContractError, "could not convert string to float"),
         ("nan reward", NotFiniteError, "NaN or infinity in step 1"),
         ("nan observation", NotFiniteError, "NaN or infinity in step 1"),

@@ -214,3 +214,23 @@ def test_what_cannot_be_varied_is_one_line(env, changes, kind, message):
     with pytest.raises(kind, match=message) as error:
         vary(env, **changes)
     assert "\n" not in str(error.value)
+
+
+def test_a_family_is_described_by_the_robot_that_it_is_drawn_around():
+    known = derive_spec("Hopper-v5")
+    for order in ("vary.gear=[0.5,2]&vary.damping=[0.9,1.1]", "vary.damping=[0.9,1.1]&vary.gear=[0.5,2]"):
+        spec = derive_spec(f"Hopper-v5?{order}")
+        assert (spec.action, spec.joints, spec.observation) == (known.action, known.joints, known.observation)
+    stronger = derive_spec("Hopper-v5?vary.gear=[1.4,1.6]").action
+    assert [one.gear for one in stronger] == pytest.approx([1.5 * one.gear for one in known.action])
+
+
+def test_noise_by_name_stands_over_that_of_all_in_any_order():
+    for noise in ({"": 0.01, "slide_x.position": 0.5}, {"slide_x.position": 0.5, "": 0.01}):
+        assert vary("InvertedPendulum-v5", noise=noise)._deviation.tolist() == [0.5, 0.01, 0.01, 0.01]
+
+
+def test_what_is_varied_under_the_contract_stays_under_its_rules():
+    limited = vary(make_env("InvertedPendulum-v5", max_episode_steps=50, clip_actions=False), mass=2)
+    assert (make_env(limited).max_episode_steps, make_env(limited).clip) == (50, False)
+    assert recorded(vary(limited, gear=2)) == "InvertedPendulum-v5?vary.mass=2.0&vary.gear=2.0"

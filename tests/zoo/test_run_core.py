@@ -199,3 +199,27 @@ def test_runs_around_runs_have_a_bound_and_are_read_up_to_it(tmp_path):
             load_core(run)
     with pytest.raises(RunDirectoryError, match=f"is the last of more than {MOST_NESTED} runs"):
         load_core(run)
+
+
+def test_a_run_around_a_core_that_holds_its_actions_is_a_core_that_does(tmp_path):
+    run = done(tmp_path / "run", env="dm_control/cheetah-run-v0", core="half-cheetah-v1", settings={"wrap.probation": 0})
+    assert load_policy(run).hold == 5
+    core = load_core(run)
+    again = wrap(core, "dm_control/cheetah-run-v0", residual=0)
+    assert (core.spec.hold, again.hold) == (5, 5)
+    assert_acts_alike(load_policy(run), again, observations(17))
+
+
+def test_a_run_of_a_users_own_function_says_what_its_numbers_mean(tmp_path):
+    run = done(tmp_path / "run", env="tests.envs.own:pendulum")
+    assert load_core(run).spec.env_id == "tests.envs.own:pendulum"
+    assert done(tmp_path / "next", env=IDP, core=str(run), settings={"wrap.probation": 0})
+
+
+def test_a_run_that_goes_on_has_no_final_policy_yet(tmp_path):
+    run = done(tmp_path / "run")
+    directory, _ = RunDirectory.resume(run, Budget(steps=200))
+    directory.close()
+    for load in (load_policy, load_core, load_subject):
+        with pytest.raises(RunDirectoryError, match="finish"):
+            load(run)

@@ -33,6 +33,8 @@ def main(arguments: Sequence[str]) -> Answer:
     if (options.leapp is not None or options.descriptor is not None) and options.out is None:
         raise ConfigError("{leapp} and {descriptor} are of a policy", remedy="give {out}")
     if options.minari is not None:
+        if options.member is not None or options.best:
+            raise ConfigError("{member} and {best} are of a policy", remedy="give {out}, or leave them out")
         return _minari(options.names, options.minari, environment(options))
     if len(options.names) > 1:
         raise ConfigError(f"{len(options.names)} policies do not fit into one file", remedy="export them one by one")

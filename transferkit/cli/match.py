@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 from transferkit.cli.answer import Answer, parser, whole
 from transferkit.cli.environment import add_environment, environment
-from transferkit.config.checks import NOT_NEGATIVE
+from transferkit.config.checks import check_value
+from transferkit.config.wrap import APART, FOUND, HELD
 from transferkit.errors import ConfigError, SettingError, UnknownNameError
 from transferkit.files import check_new
 from transferkit.pairing import Angles, Forces, Limbs
@@ -28,13 +29,13 @@ def main(arguments: Sequence[str]) -> Answer:
     flags.add_argument("--limbs", choices=get_args(Limbs), help="let a limb drive one, or all that are like it")
     flags.add_argument("--angles", choices=get_args(Angles), help="read a joint's own angle, or also of joints between")
     flags.add_argument("--forces", choices=get_args(Forces), help="what an action keeps")
-    flags.add_argument("--hold", type=whole("wrap.hold", NOT_NEGATIVE), help="control steps of an action; 0 for its own time")
+    flags.add_argument("--hold", type=whole("hold", HELD), help="control steps of an action; 0 for its own time")
     flags.add_argument("--stagger", type=_number, help="radians between the limbs that a core drives side by side")
     options = flags.parse_args(arguments)
-    from transferkit.policy.matches import OPTIONS, match  # noqa: PLC0415 - heavy
+    from transferkit.policy.matches import match  # noqa: PLC0415 - heavy
 
     if options.source.endswith((".yaml", ".yml")):
-        if given := [name for name in (*OPTIONS, "yaml") if getattr(options, name) is not None]:
+        if given := [name for name in (*FOUND, "yaml") if getattr(options, name) is not None]:
             raise ConfigError("a descriptor is compared, and not matched", remedy=f"leave out {{{given[0]}}}")
         return _descriptor(Path(options.source), str(environment(options)))
     if options.yaml is not None:
@@ -43,7 +44,7 @@ def main(arguments: Sequence[str]) -> Answer:
     from transferkit.matching import as_plain, compiled, coverage, explain, save_match  # noqa: PLC0415
 
     source, target = _source(options.source), derive_spec(str(environment(options)))
-    given = {name: getattr(options, name) for name in OPTIONS if getattr(options, name) is not None}
+    given = {name: getattr(options, name) for name in FOUND if getattr(options, name) is not None}
     pairing = match(source, target, **given)
     arrays = compiled(pairing, source, target)
     if options.yaml is not None:
@@ -93,6 +94,8 @@ def _share(share: float, count: int) -> str:
 
 def _number(text: str) -> float:
     try:
-        return float(text)
+        number = float(text)
     except ValueError:
         raise SettingError("stagger", value=text, allowed="a number of radians", topic="flags") from None
+    check_value("stagger", number, Annotated[float, APART])
+    return number

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from transferkit.cli.answer import Answer, parser, whole
 from transferkit.config.checks import NOT_NEGATIVE
+from transferkit.errors import ConfigError
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -17,15 +18,17 @@ def main(arguments: Sequence[str]) -> Answer:
     )
     flags.add_argument("run", metavar="RUN|FILE.mcap", type=Path, help="run directory, finished or not, or a recording")
     flags.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png or FILE.png")
-    flags.add_argument("--episode", type=whole("episode", NOT_NEGATIVE), default=0, help="of a recording")
+    flags.add_argument("--episode", type=whole("episode", NOT_NEGATIVE), help="of a recording, by default 0")
     flags.add_argument("--mapping", type=Path, metavar="FILE.toml", help="where another tool's recording has what")
     options = flags.parse_args(arguments)
     from transferkit.plots import draw_recording, draw_run  # noqa: PLC0415 - matplotlib takes a second to import
 
     if options.run.is_dir():
+        if options.episode is not None or options.mapping is not None:
+            raise ConfigError("{episode} and {mapping} are of a recording, and this is a run", remedy="leave them out")
         out = options.out or options.run / "curves.png"
         draw_run(options.run, out)
     else:
         out = options.out or options.run.with_suffix(".png")
-        draw_recording(options.run, out, episode=options.episode, mapping=options.mapping)
+        draw_recording(options.run, out, episode=options.episode or 0, mapping=options.mapping)
     return Answer({"picture": str(out)}, str(out))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str]) -> Answer:
             vary: NAME=VALUE changes of the robot, such as mass=1.3 friction=0.5..1.5; a range is drawn every episode.
         """
         if trust_core:
-            config = _trusting(config)
+            config = _trusting(config, settings_in(arguments))
         return _Request(replace(config, env=with_arguments(config.env, env_kwargs, vary)), out, resume, _every(record))
 
     request = parse(command, "transferkit train", arguments, ("out", "resume", "record", "trust-core", "env-kwargs", "vary"))
@@ -61,9 +61,13 @@ def main(arguments: Sequence[str]) -> Answer:
     return _train(request)
 
 
-def _trusting(config: TrainConfig) -> TrainConfig:
+def _trusting(config: TrainConfig, given: Collection[str]) -> TrainConfig:
     if config.core is None:
         raise ConfigError("{trust_core} has no effect without a core", remedy="leave it out, or give {core}")
+    if "wrap.probation" in given and config.wrap.probation:
+        raise ConfigError(
+            f"{{trust_core}} is {{wrap.probation=0}}, not {config.wrap.probation}", remedy="leave one of them out"
+        )
     return with_settings(config, {"wrap.probation": 0})
 
 

@@ -98,6 +98,8 @@ def _say_errors(errors: Sequence[ArtifactError]) -> None:
 def _verify(options: argparse.Namespace) -> Answer:
     from transferkit.zoo.verify import verify  # noqa: PLC0415 - torch takes seconds to import
 
+    if options.all and options.ids:
+        raise ConfigError(f"{{all=True}} is every core, and {options.ids[0]} is named", remedy="leave one of them out")
     names = list(core_folders()) if options.all else options.ids
     if not names:
         raise ConfigError("no core to verify", remedy="name one, or use {all=True}", topic="cores")

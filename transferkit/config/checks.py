@@ -94,14 +94,15 @@ def check_value(name: str, value: object, hint: Any) -> None:  # noqa: ANN401 - 
         raise SettingError(name, value=value, allowed=wanted)
 
 
-def check_kind(name: str, value: object, kind: type, remedy: str) -> None:
+def check_kind(name: str, value: object, kind: type | tuple[type, ...], remedy: str) -> None:
     """Check the type of what a function of the public interface is given.
 
     Raises:
         ConfigError: it is something else.
     """
     if not isinstance(value, kind):
-        raise ConfigError(f"{name} is of type {type(value).__name__} and not {kind.__name__}", remedy=remedy)
+        kinds = " or ".join(one.__name__ for one in (kind if isinstance(kind, tuple) else (kind,)))
+        raise ConfigError(f"{name} is of type {type(value).__name__} and not {kinds}", remedy=remedy)
 
 
 def unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any object

@@ -13,7 +13,7 @@ from transferkit.config.migrate import migrated
 from transferkit.config.network import NetworkConfig
 from transferkit.config.ppo import PPOConfig
 from transferkit.config.presets import PRESETS, SECTIONS, USED, Algorithm, closest_preset, preset_version
-from transferkit.config.wrap import WrapConfig
+from transferkit.config.wrap import WrapConfig, check_asked, check_found
 from transferkit.errors import ConfigError, SettingError, UnknownNameError
 
 FROM_PRESET: Any = None
@@ -178,6 +178,9 @@ def check_read(config: TrainConfig, names: Iterable[str], *, ready: bool = False
         raise ConfigError(f"{{member={config.member}}} has no effect without a core", remedy="give {core}, or leave it out")
     if config.match and config.core is None:
         raise ConfigError(f"{{match={config.match}}} has no effect without a core", remedy="give {core}, or leave it out")
+    of_wrap = [name.removeprefix("wrap.") for name in names if name.startswith("wrap.")]
+    check_found(of_wrap, config.wrap, config.match)
+    check_asked(of_wrap, config.wrap)
     for name in names:
         section, _, key = name.partition(".")
         if section not in USED[config.algo]:

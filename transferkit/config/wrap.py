@@ -2,15 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from transferkit.config.checks import NOT_NEGATIVE, POSITIVE, SHARE, WIDTH, Range, check, check_value
+from transferkit.errors import ConfigError
 from transferkit.pairing import Angles, Forces, Limbs
 
 Tap = Literal["features", "action"]
 Adapter = Literal["auto", "semantic", "random", "pad"]
+
+HELD, APART = Range(0, 10_000), Range(-3.2, 3.2)
+"""Control steps of an action, and radians between limbs."""
+
+FOUND = ("limbs", "angles", "forces", "hold", "stagger")
+"""Settings of how a match is found."""
+
+
+def check_found(names: Iterable[str], config: WrapConfig, match: object = None) -> None:
+    """Refuse settings, by their names in `WrapConfig`, of how a match is found where none is looked for.
+
+    Raises:
+        ConfigError: one is among them.
+    """
+    for name in names:
+        if name not in FOUND:
+            continue
+        if match is not None:
+            raise ConfigError(f"{{wrap.{name}}} has no effect on a {{match}} that is given", remedy="write it into the match")
+        for other, unmatched in (("structure", ("paper",)), ("adapter", ("random", "pad"))):
+            if (value := getattr(config, other)) in unmatched:
+                raise ConfigError(f"{{wrap.{name}}} has no effect on {{wrap.{other}={value}}}", remedy="leave one of them out")
+
+
+def check_asked(names: Iterable[str], config: WrapConfig) -> None:
+    """Refuse settings, by their names in `WrapConfig`, of a probation that is not held.
+
+    Raises:
+        ConfigError: one is among them, and asks for something.
+    """
+    for name in names:
+        if name in ("least_gain", "fall_back") and getattr(config, name) and not config.probation:
+            raise ConfigError(
+                f"{{wrap.{name}}} has no effect without probation", remedy="give {wrap.probation}, or leave it out"
+            )
 
 
 @dataclass(frozen=True)
@@ -34,10 +70,10 @@ class WrapConfig:
     forces: Forces = "acceleration"
     """What an action keeps: the acceleration that it causes, or its torque for the robot's weight and length (load); auto keeps
     the load if both robots stand on their limbs, and greater so, but on a lighter robot no less than the acceleration takes."""
-    hold: Annotated[int, NOT_NEGATIVE] = 1
+    hold: Annotated[int, HELD] = 1
     """Control steps for which an action of the core is held; 0 for as many as last as long as one of its own, if both robots
     stand on their limbs, else 1."""
-    stagger: Annotated[float, Range(-3.2, 3.2)] = 0.0
+    stagger: Annotated[float, APART] = 0.0
     """How far apart, in radians, the copies of a core see the first joints of their limbs: limbs in step hardly walk."""
     finetune: bool = True
     """Put square residual layers beside the core, the identity until trained."""
@@ -71,6 +107,8 @@ class WrapConfig:
 
     def __post_init__(self) -> None:
         check(self, "wrap")
+        if self.hold > 1:
+            check_found(["hold"], self)
         for name, allowed in (("freeze", SHARE), ("lr_scale", POSITIVE)):
             for part, value in getattr(self, name).items():
                 check_value(f"wrap.{name}.{part}", value, Annotated[float, allowed])

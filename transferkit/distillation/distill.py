@@ -15,7 +15,7 @@ from transferkit.config import TrainConfig
 from transferkit.distillation.rounds import Rounds
 from transferkit.distillation.teacher import Beside, teacher_in, watch
 from transferkit.envs import copies_of, derive_spec
-from transferkit.errors import ArtifactError
+from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, writing
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
@@ -99,8 +99,14 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
 
 def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
     if not _has_card(teacher):
+        if recipe.members and (Path(teacher) / RECORD).exists():
+            raise ConfigError(f"run {teacher} has no members", remedy="leave out {members}")
         return recipe.members or [None]
-    return range(len(find_card(teacher).seeds)) if recipe.members is None else recipe.members
+    known = range(len(find_card(teacher).seeds))
+    for member in recipe.members or ():
+        if member not in known:
+            raise SettingError("members", value=member, allowed=f"0 to {known[-1]} for core {teacher}")
+    return known if recipe.members is None else recipe.members
 
 
 def _has_card(teacher: str) -> bool:

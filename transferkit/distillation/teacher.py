@@ -10,8 +10,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from transferkit.envs import is_written, make_env, name_of, recorded
-from transferkit.envs.contract import bounds
-from transferkit.envs.simulation import layers_of
+from transferkit.envs.layers import bounds, layers_of
 from transferkit.errors import ConfigError
 from transferkit.subject import load_subject
 

@@ -5,7 +5,7 @@ from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
-from transferkit.envs.source import environment_ids, id_from_file, is_maker
+from transferkit.envs.source import environment_ids, id_from_file, is_maker, names_module
 from transferkit.envs.vector import Count, Step, VectorEnv
 from transferkit.envs.written import EnvLike, is_written, name_of, written
 
@@ -30,6 +30,7 @@ __all__ = [
     "is_written",
     "make_env",
     "name_of",
+    "names_module",
     "open_simulation",
     "opened",
     "recorded",

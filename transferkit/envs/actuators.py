@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.envs.forms import digits_of
 from transferkit.envs.labels import unique
 from transferkit.physics import mujoco
 from transferkit.spec import Actuator
@@ -68,7 +69,7 @@ def _actuator(
         low,
         high,
         float(f"{force / ((high - low) / 2):.6g}") + 0.0,
-        round(acceleration, 4) + 0.0,
+        round(acceleration, digits_of(abs(acceleration))) + 0.0,
         "N" if joint.type == "slide" else "N m",
     )
 

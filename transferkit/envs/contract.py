@@ -6,22 +6,30 @@ import functools
 import logging
 import math
 import traceback
-from numbers import Real
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
-from gymnasium.wrappers import ClipAction
 from numpy.typing import NDArray
 
+from transferkit.envs.layers import bounds
 from transferkit.envs.written import name_of
 from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError
+
+LOGGER = logging.getLogger("transferkit")
+
+LARGEST = 1e300
+"""Of what may be a return."""
 
 NO_LIMIT = 10_000
 """Steps after which an episode of an environment without a time limit is truncated."""
 
+
+GYMNASIUM = "gymnasium.envs.mujoco"
+"""Robots that take numbers of any kind, and results are of more digits than their spaces say."""
 
 RESET = ("observation", "info")
 STEP = ("observation", "reward", "terminated", "truncated", "info")
@@ -44,6 +52,8 @@ class Contract(gymnasium.Wrapper):
         self.observation_space = Box(-np.inf, np.inf, observations.shape, np.float32)
         self.low, self.high = actions.low.astype(np.float64), actions.high.astype(np.float64)
         self._centre, self._half_range = (self.low + self.high) / 2, (self.high - self.low) / 2
+        exact = type(env.unwrapped).__module__.startswith(GYMNASIUM) or not np.issubdtype(actions.dtype, np.floating)
+        self._dtype = np.dtype(np.float64) if exact else actions.dtype
         self.clip, self._limit = clip, 1.0 if clip else np.inf
         self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
         self.max_episode_steps = max_episode_steps
@@ -61,7 +71,7 @@ class Contract(gymnasium.Wrapper):
         self._steps = 0
         try:
             observation, info = self._answer(self.env.reset(seed=seed, options=options), "reset", RESET)
-            observation = np.array(observation, np.float32)
+            observation = _as_float32(observation)
         except (Exception, SystemExit) as error:
             raise self._broken(error, "reset") from error
         self._check(observation, 0.0, info)
@@ -79,8 +89,10 @@ class Contract(gymnasium.Wrapper):
             raise self._not_finite("the policy chose an action")
         self._steps += 1
         try:
-            observation, reward, terminated, truncated, info = self._answer(self.env.step(scaled), "step", STEP)
-            observation, reward = np.array(observation, np.float32), float(reward)
+            observation, reward, terminated, truncated, info = self._answer(
+                self.env.step(scaled.astype(self._dtype, copy=False)), "step", STEP
+            )
+            observation, reward = _as_float32(observation), float(reward)
             terminated, truncated = bool(terminated), bool(truncated)
         except (Exception, SystemExit) as error:
             raise self._broken(error, f"step {self._steps}") from error
@@ -105,9 +117,10 @@ class Contract(gymnasium.Wrapper):
 
     def _answer(self, answer: Any, call: str, wanted: tuple[str, ...]) -> Any:  # noqa: ANN401 - of somebody else's code
         if not isinstance(answer, tuple) or len(answer) != len(wanted):
-            count = len(answer) if isinstance(answer, tuple) else type(answer).__name__
+            count = len(answer) if isinstance(answer, tuple) else f"a value of type {type(answer).__name__}"
             raise EnvironmentContractError(
-                f"{call} of {name_of(self.env)} returned {count} values", allowed=f"{len(wanted)}: {', '.join(wanted)}"
+                f"{call} of {name_of(self.env)} returned {count} and not {len(wanted)} values: {', '.join(wanted)}",
+                topic="environments",
             )
         return answer
 
@@ -132,6 +145,11 @@ class Contract(gymnasium.Wrapper):
         return error if isinstance(error, TransferkitError) else failed(name_of(self.env), where, error)
 
 
+def _as_float32(observation: Any) -> NDArray[np.float32]:  # noqa: ANN401 - of somebody else's code
+    with np.errstate(over="ignore"):  # infinity is said in words
+        return np.array(observation, np.float32)
+
+
 def failed(env: str, where: str, error: BaseException) -> EnvironmentContractError:
     """The one line about an exception in somebody else's code."""
     frame = traceback.extract_tb(error.__traceback__)[-1]
@@ -146,16 +164,9 @@ def failed(env: str, where: str, error: BaseException) -> EnvironmentContractErr
 
 @functools.cache
 def _say_given_up(env: str) -> None:
-    logging.getLogger("transferkit").warning(
+    LOGGER.warning(
         "%s has no time limit: an episode is truncated after %d steps; env_config.max_episode_steps sets another", env, NO_LIMIT
     )
-
-
-def bounds(env: gymnasium.Env) -> gymnasium.Space:
-    """The space of an environment's actions; behind Gymnasium's `ClipAction`, which declares none, what it clips to."""
-    while isinstance(env, ClipAction):
-        env = env.env
-    return env.action_space
 
 
 def dims(env: gymnasium.Env) -> tuple[int, int]:
@@ -168,15 +179,24 @@ def dims(env: gymnasium.Env) -> tuple[int, int]:
 
 def episode_limit(env: gymnasium.Env) -> int | None:
     """Control steps until the environment truncates; None if it never does."""
-    limits = [env.max_episode_steps] if isinstance(env, Contract) else []
-    limits.append(getattr(env.unwrapped, "episode_limit", None) if env.spec is None else env.spec.max_episode_steps)
-    return min((limit for limit in limits if limit is not None), default=None)
+    given = [env.max_episode_steps] if isinstance(env, Contract) else []
+    given.append(getattr(env.unwrapped, "episode_limit", None) if env.spec is None else env.spec.max_episode_steps)
+    limits = [limit for limit in given if limit is not None]
+    for limit in limits:
+        if not isinstance(limit, Integral) or limit < 1:
+            raise EnvironmentContractError(
+                f"the episode limit of {name_of(env)}", value=repr(limit)[:40], allowed="a whole number of steps, at least 1"
+            )
+    return min(map(int, limits), default=None)
 
 
 def solved_return(env: gymnasium.Env) -> float | None:
     """Return at which the task counts as solved, Gymnasium's `reward_threshold`; None if the environment names no number."""
     threshold = getattr(env.unwrapped.spec, "reward_threshold", None)
-    return float(threshold) if isinstance(threshold, Real) and math.isfinite(threshold) else None
+    if threshold is None or (isinstance(threshold, int | float | np.number) and -LARGEST < threshold < LARGEST):
+        return None if threshold is None else float(threshold)
+    LOGGER.warning("what solves %s is not known: its reward_threshold is %s and no number", name_of(env), repr(threshold)[:40])
+    return None
 
 
 def time_step(env: gymnasium.Env) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.memory import SAMPLES
-from transferkit.spec import Element
+from transferkit.spec import ACTED, Element
 
 if TYPE_CHECKING:
     from transferkit.envs.evidence import Evidence, Samples
@@ -73,7 +74,7 @@ class Forms:
         if not names and np.count_nonzero(evidence.actions[i]) == 1:
             k = int(np.flatnonzero(evidence.actions[i])[0])
             if np.isclose(evidence.actions[i, k], self.half_range[k], rtol=1e-4):
-                return Element(f"{self.action_names[k]}.action", "action", (), (), 0.0, "")
+                return Element(self.action_names[k] + ACTED, "action", (), (), 0.0, "")
         if evidence.controls[i] or (not names and evidence.motion[i]):
             return Element(label, "force", names, (), 0.0, "")
         if not names:
@@ -123,8 +124,14 @@ class Forms:
 
     def _named(self, quantity: Quantity, dofs: Dofs, coefficients: NDArray, offset: float, unit: str) -> Element:
         names = tuple(self.joints[int(dof)].name for dof in dofs)
-        rounded = tuple(round(float(c), 4) for c in coefficients)
+        digits = digits_of(float(np.abs(coefficients).max()))
+        rounded = tuple(round(float(c), digits) for c in coefficients)
         return Element(f"{'+'.join(names)}.{quantity}", quantity, names, rounded, round(offset, 4) + 0.0, unit)
+
+
+def digits_of(largest: float) -> int:
+    """Decimals to which numbers are rounded: four, and more if all of them are small."""
+    return 4 if largest >= 0.1 or not largest else 3 - math.floor(math.log10(largest))
 
 
 def height_name(model: mujoco.MjModel, column: int) -> str:

@@ -11,20 +11,22 @@ import functools
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box, Dict
 from numpy.typing import NDArray
 
+from transferkit.config.checks import AT_LEAST_ONE, check_value
 from transferkit.env_id import EnvId
-from transferkit.envs.contract import Contract, bounds, dims, failed, time_step
-from transferkit.envs.simulation import layers_of, model_bytes
+from transferkit.envs.contract import Contract, dims, failed, time_step
+from transferkit.envs.layers import bounds, layers_of
+from transferkit.envs.simulation import model_bytes
 from transferkit.envs.source import is_maker, raw_env
 from transferkit.envs.vary import Varied
 from transferkit.envs.written import is_written, name_of, written
-from transferkit.errors import EnvironmentContractError
+from transferkit.errors import EnvironmentContractError, TransferkitError
 from transferkit.renderer import choose_renderer
 from transferkit.variation import Variation
 
@@ -52,6 +54,7 @@ def make_env(
 
     Raises:
         UnknownNameError: no environment has this id.
+        SettingError: `max_episode_steps` is below 1.
         EnvironmentContractError: a discrete, image or nested space, actions without bounds or without room between them, or
             nothing can be rendered here.
     """
@@ -78,7 +81,14 @@ def make_env(
                 topic="environments",
             )
     _check_room(bounds(raw), name)
-    return Contract(raw, clip=clip_actions, max_episode_steps=max_episode_steps)
+    if max_episode_steps is not None:
+        check_value("max_episode_steps", max_episode_steps, Annotated[int, AT_LEAST_ONE])
+    try:
+        return Contract(raw, clip=clip_actions, max_episode_steps=max_episode_steps)
+    except TransferkitError:
+        raise
+    except Exception as error:  # of an environment of the user's
+        raise failed(name, "what it says of itself", error) from error
 
 
 def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbers, ranges, tables, lists
@@ -104,7 +114,12 @@ def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbe
         given = EnvId.read(env)
         return raw_env(str(replace(given, variation={**given.variation, **variation})))
     raw = raw_env(env)
-    raw = raw.env if isinstance(raw, Contract) else raw
+    if isinstance(raw, Contract):
+        return Contract(_varied(env, raw.env, variation), clip=raw.clip, max_episode_steps=raw.max_episode_steps)
+    return _varied(env, raw, variation)
+
+
+def _varied(env: EnvLike, raw: gymnasium.Env, variation: dict[str, Any]) -> Varied:
     if isinstance(raw, Varied):
         return raw.with_more(variation)
     return Varied(raw, variation, (lambda: raw_env(env)) if is_maker(env) else None)

@@ -15,7 +15,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from transferkit.envs.simulation import attributes, layers_of
+from transferkit.envs.layers import layers_of
+from transferkit.envs.simulation import attributes
 
 DEPTH = 6
 """How far below an environment its generators are looked for."""
@@ -85,9 +86,14 @@ def learning_wrappers(env: gymnasium.Env) -> list[str]:
 
 def _attribute(holder: object, name: str, value: Any) -> Restore:  # noqa: ANN401 - plain
     saved = copy.deepcopy(value)
-    if isinstance(value, np.ndarray):
-        return lambda: np.copyto(value, saved)  # it may be a view of something else
-    return lambda: setattr(holder, name, copy.deepcopy(saved))
+    if not isinstance(value, np.ndarray):
+        return lambda: setattr(holder, name, copy.deepcopy(saved))
+
+    def restore() -> None:
+        np.copyto(value, saved)  # it may be a view of something else
+        setattr(holder, name, value)  # and another may stand in its place by now
+
+    return restore
 
 
 def _is_plain(value: object, depth: int = 3) -> bool:

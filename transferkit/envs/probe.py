@@ -27,6 +27,7 @@ from transferkit.envs.labels import labels, unique
 from transferkit.envs.make import opened, recorded
 from transferkit.envs.memento import learning_wrappers, undisturbed
 from transferkit.envs.simulation import open_simulation
+from transferkit.envs.vary import nominal
 from transferkit.envs.written import name_of
 from transferkit.errors import TransferkitError
 from transferkit.spec import EARTH, Element, IOSpec
@@ -79,7 +80,7 @@ def _derive(env: EnvLike) -> IOSpec:
                 name,
             )
         try:
-            with undisturbed(made):
+            with undisturbed(made), nominal(made):
                 made.reset(seed=0)
                 return _spec(made, recorded(env if isinstance(env, str) else made))
         except TransferkitError:
@@ -144,7 +145,11 @@ def _elusive(made: gymnasium.Env) -> NDArray[np.bool_]:
     """Which elements change in an episode with random actions, or from one episode to the next."""
     made.action_space.seed(0)
     seen = [made.reset(seed=seed)[0] for seed in range(3)]
-    seen += [made.step(made.action_space.sample())[0] for _ in range(FEW)]
+    for _ in range(FEW):
+        observation, _, terminated, truncated, _ = made.step(made.action_space.sample())
+        seen.append(observation)
+        if terminated or truncated:
+            made.reset()
     return np.ptp(np.array(seen, float), axis=0) > 0
 
 

@@ -48,14 +48,6 @@ class Simulation:
         return _pair(self.owner)[1]
 
 
-def layers_of(env: gymnasium.Env) -> list[gymnasium.Env]:
-    """An environment's wrappers from the outermost, and the environment itself."""
-    layers = [env]
-    while isinstance(layers[-1], gymnasium.Wrapper):
-        layers.append(layers[-1].env)
-    return layers
-
-
 def open_simulation(env: gymnasium.Env) -> Simulation | None:
     """Find the simulation behind an environment; None if it is not MuJoCo."""
     level: list[Any] = [env.unwrapped]

@@ -83,7 +83,7 @@ def id_from_file(env_id: str, source: str | Path, named: str | None = None, *, o
             )
         return named
     given = EnvId.read(env_id)
-    if ":" in given.id and (named is None or given.id != EnvId.read(named).id):
+    if names_module(env_id) and (named is None or given.id != EnvId.read(named).id):
         raise EnvironmentContractError(
             f"{source} names the environment {env_id}, which runs the module {given.id.partition(':')[0]}",
             remedy=f"if you trust that, name it yourself: {{env={env_id}}}",
@@ -92,6 +92,11 @@ def id_from_file(env_id: str, source: str | Path, named: str | None = None, *, o
     if not isinstance(repeats, int) or not 1 <= repeats <= MOST_REPEATS:
         raise EnvironmentContractError(f"frame_skip of {env_id}", value=repeats, allowed=f"1 to {MOST_REPEATS}")
     return env_id
+
+
+def names_module(env_id: str) -> bool:
+    """Whether a module is imported to make an environment."""
+    return ":" in EnvId.read(env_id).id
 
 
 def _adapted(env: Any) -> gymnasium.Env:  # noqa: ANN401 - Gymnasium's, dm_control's, or something else

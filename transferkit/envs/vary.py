@@ -17,6 +17,7 @@ from gymnasium.spaces import Box
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
+from transferkit.envs.layers import bounds, layers_of
 from transferkit.envs.model_edits import compiled, edited
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
@@ -47,6 +48,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         super().__init__(env)
         self._again = again
         self.variation = Variation.read(variation)
+        self.nominal = False
+        """Whether what is a range stays in its middle, while the robot is looked at."""
         changes_model = bool(self.variation.factors or self.variation.dead_actuator)
         self._model = _Model(env, again) if changes_model else None
         spec = _spec(env) if self._by_name else None
@@ -67,8 +70,9 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
             raise ConfigError("nothing is left to observe", remedy="drop fewer elements", topic="variations")
         self.observation_space = Box(-np.inf, np.inf, (len(self._kept) * self.variation.frames,), np.float64)
         self._frames: deque[NDArray[np.float64]] = deque(maxlen=self.variation.frames)
-        assert isinstance(env.action_space, Box)
-        self._idle = np.clip(np.zeros(env.action_space.shape), env.action_space.low, env.action_space.high)
+        actions = bounds(env)
+        assert isinstance(actions, Box)
+        self._idle = np.clip(np.zeros(actions.shape), actions.low, actions.high)
         self._begin(None)
 
     def reset(
@@ -106,11 +110,11 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         if seed is not None or not hasattr(self, "_rng"):
             self._rng = np.random.default_rng([zlib.crc32(b"variation"), seed or 0])
         if self._model is not None and (self.variation.drawn or not self._model.changed):
-            self._model.change(self.variation.draw(self._rng), self._dead)
+            self._model.change(self.variation.nominal() if self.nominal else self.variation.draw(self._rng), self._dead)
         low, high = (int(end) for end in self.variation.delay)
         self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
         self._deviation = np.zeros(_size(self.env))
-        for name, amount in self.variation.noise.items():
+        for name, amount in sorted(self.variation.noise.items(), key=lambda one: one[0] != ""):  # for all, then by name
             self._deviation[self._index(name, "noise") if name else slice(None)] = draw(amount, self._rng)
 
     def _observed(self) -> NDArray[np.float64]:
@@ -178,6 +182,20 @@ class _Model:
             live[different] = new[different]
         if model.stat.meaninertia != self._base.stat.meaninertia:
             self._live.stat.meaninertia = model.stat.meaninertia
+
+
+@contextmanager
+def nominal(env: gymnasium.Env) -> Iterator[None]:
+    """Show the robot that a family is drawn around, from the next reset on."""
+    layers = [layer for layer in layers_of(env) if isinstance(layer, Varied)]
+    before = [layer.nominal for layer in layers]
+    for layer in layers:
+        layer.nominal = True
+    try:
+        yield
+    finally:
+        for layer, was in zip(layers, before, strict=True):
+            layer.nominal = was
 
 
 def _differences(base: mujoco.MjModel, new: mujoco.MjModel) -> dict[str, NDArray[np.bool_]]:

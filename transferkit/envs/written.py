@@ -13,7 +13,7 @@ from gymnasium import wrappers
 from gymnasium.envs.registration import EnvSpec
 
 from transferkit.env_id import EnvId
-from transferkit.envs.simulation import layers_of
+from transferkit.envs.layers import layers_of
 from transferkit.envs.vary import Varied
 
 EnvLike = str | gymnasium.Env | Callable[[], gymnasium.Env]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from transferkit.envs import open_simulation, opened
 from transferkit.envs.actuators import actuator_name
+from transferkit.envs.vary import nominal
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
@@ -57,10 +58,11 @@ class Model:
 
 def read_model(env: EnvLike, spec: IOSpec) -> Model | None:
     """Read the model behind an environment; None if it is not MuJoCo."""
-    with opened(env) as made:
+    with opened(env) as made, nominal(made):
         simulation = open_simulation(made)
         if simulation is None:
             return None
+        made.reset(seed=0)
         model = simulation.model
         ids = {actuator_name(model, k): k for k in range(model.nu)}
         drives = [_drive(model, ids.get(one.model_name)) for one in spec.action]

@@ -56,6 +56,9 @@ def match_for(
             f"{{wrap.adapter=semantic}}: nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
             remedy="use {wrap.adapter=random}",
         )
+    if config.hold > 1:
+        nothing = f"nothing in {target.env_id} means what {source.env_id}'s observations and actions mean"
+        raise ConfigError(f"{{wrap.hold={config.hold}}} has no effect: {nothing}", remedy="leave it out")
     return None
 
 

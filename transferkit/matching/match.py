@@ -2,8 +2,10 @@
 
 An observation element of the core that the target has as it is, is taken as it is. Every other one is solved for as a linear
 combination of the target's positions of the same age, or as the sine or cosine of one; sines and cosines of the target are
-first turned into angles with atan2. What has no form (forces, functions of many joints) only means the same in the same
-mechanism: all joints match in order, and it has the same name.
+first turned into angles with atan2. Ages are times in similar motion; one that the target does not have follows from the two
+nearest, along a line. A past action is what the target's past actions are, by the factors of the actions. What has no form
+(forces, functions of many joints) only means the same in the same mechanism: all joints match in order, and it has the same
+name.
 
 Positions are compared as ways from the reference poses. So a spec matched with itself is the identity, to the bit.
 """
@@ -19,15 +21,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.matching.scales import gravity_scale, similarity
+from transferkit.matching.scales import gravity_scale, similarity, steps_of
 from transferkit.pairing import Pairing
+from transferkit.spec import ACTED
 
 if TYPE_CHECKING:
     from transferkit.pairing import Combination, Copy
     from transferkit.spec import Element, IOSpec
 
-FORMLESS = ("height", "function of position", "function of velocity", "force", "action", "time", "constant", "unknown")
+FORMLESS = ("height", "function of position", "function of velocity", "force", "time", "constant", "unknown")
 """Quantities that no combination of others gives."""
+
+SAME_AGE = 0.1
+"""Of an age: how far off one is that is as good."""
 
 
 @dataclass(frozen=True)
@@ -121,15 +127,15 @@ def same_mechanism(source: IOSpec, target: IOSpec, copy: Copy) -> bool:
 
 def angle_pairs(target: IOSpec) -> list[tuple[int, int]]:
     """Find the indices of observation elements that are sine and cosine of the same angle."""
-    sines = {(e.joints, e.coefficients): i for i, e in enumerate(target.observation) if e.quantity == "sin"}
+    sines = {(e.joints, e.coefficients, e.age): i for i, e in enumerate(target.observation) if e.quantity == "sin"}
     pairs = []
     for i, element in enumerate(target.observation):
         if element.quantity != "cos" or element.offset:
             continue
         for sign in (1.0, -1.0):  # the cosine does not know the sign of its angle
             coefficients = tuple(sign * c for c in element.coefficients)
-            if (element.joints, coefficients) in sines:
-                pairs.append((sines[element.joints, coefficients], i))
+            if (sine := sines.get((element.joints, coefficients, element.age))) is not None:
+                pairs.append((sine, i))
                 break
     return pairs
 
@@ -145,7 +151,7 @@ class _Basis:
     ages: NDArray
     """`(d_target + pairs,)`."""
     offsets: NDArray
-    """`(d_target + pairs,)`: each position's value at zero."""
+    """`(d_target + pairs,)`: each position's and velocity's value at zero."""
 
     @classmethod
     def of(cls, target: IOSpec, pairs: Sequence[tuple[int, int]]) -> _Basis:
@@ -156,13 +162,27 @@ class _Basis:
         rows = [_row(e, target) if e.quantity == "position" else none for e in observed] + angles
         velocities = [_row(e, target) if e.quantity == "velocity" else none for e in observed] + [none] * len(pairs)
         ages = [e.age for e in observed] + [observed[sin].age for sin, _ in pairs]
-        offsets = [e.offset if e.quantity == "position" else 0.0 for e in observed] + [0.0] * len(pairs)
+        offsets = [e.offset if e.quantity in ("position", "velocity") else 0.0 for e in observed] + [0.0] * len(pairs)
         return cls(np.array(rows), np.array(velocities), np.array(ages), np.array(offsets))
 
-    def solve(self, element: Element, wanted: NDArray) -> NDArray | None:
-        """Find weights over what the target observes that give a combination `(joints,)` of its joints; None if none do."""
+    def solve(self, element: Element, wanted: NDArray, age: float) -> NDArray | None:
+        """Find weights over what the target observes that give a combination `(joints,)` of its joints; None if none do.
+
+        Of a past that it does not observe, the two nearest times that it does say where it was.
+        """
+        ages = np.unique(self.ages) if age else np.zeros(1)
+        found = [(other, weights) for other in ages if (weights := self._solve_at(element, wanted, other)) is not None]
+        found.sort(key=lambda one: abs(one[0] - age))
+        if found and found[0][0] == age:
+            return found[0][1]
+        if len(found) < 2:
+            return None
+        (one, weights), (other, more) = found[:2]
+        return weights + (age - one) / (other - one) * (more - weights)
+
+    def _solve_at(self, element: Element, wanted: NDArray, age: float) -> NDArray | None:
         known = self.velocities if element.quantity == "velocity" else self.rows
-        known = known * (self.ages == element.age)[:, None]
+        known = known * (self.ages == age)[:, None]
         weights = np.linalg.lstsq(known.T, wanted, rcond=None)[0]
         weights[np.abs(weights) < 1e-9] = 0.0
         return weights if np.allclose(known.T @ weights, wanted, atol=1e-6) else None
@@ -184,7 +204,7 @@ class _Rows:
     """The inputs and the actions of one copy."""
 
     def __init__(self, copy: Copy, pairing: Pairing, source: IOSpec, target: IOSpec, basis: _Basis) -> None:
-        self._gravity = gravity_scale(source, target)
+        self._gravity, self._steps = gravity_scale(source, target), steps_of(source, target, pairing.length)
         self._copy, self._scale, self._source, self._target, self._basis = copy, pairing.length, source, target, basis
         self._twin = same_mechanism(source, target, copy)
         self._own = {joint.name: joint for joint in source.joints}
@@ -210,6 +230,8 @@ class _Rows:
         none = np.zeros(len(self._basis.ages)), 0.0, "none"
         if element.name in self._copy.inputs:
             return self._linear([self._copy.inputs[element.name].get(one.name, 0.0) for one in self._target.observation])
+        if element.quantity == "action":
+            return self._acted(element) or none
         if element.quantity in FORMLESS:
             same = [_alike(element, other) for other in self._target.observation]
             return self._linear(np.eye(len(same))[same.index(True)]) if self._twin and any(same) else none
@@ -220,9 +242,9 @@ class _Rows:
     def _taken(self, element: Element) -> Row | None:
         """Take an element of the target that says the same, but for a factor and what is added."""
         factors = {similarity(element.quantity, self._own[name].type, self._scale, self._gravity) for name in element.joints}
-        wanted = self._wanted(element, scaled=False)
+        wanted, age = self._wanted(element, scaled=False), self._age(element)
         for k, other in enumerate(self._target.observation):
-            if (other.quantity, other.age) != (element.quantity, element.age) or len(factors) != 1:
+            if (other.quantity, other.age) != (element.quantity, age) or len(factors) != 1:
                 continue
             factor, rest = max(factors), self._at_zero(element) - max(factors) * other.offset
             changes = element.quantity in ("sin", "cos") and (factor, rest) != (1.0, 0.0)
@@ -233,12 +255,36 @@ class _Rows:
     def _solved(self, element: Element) -> Row | None:
         """Solve for an element, or for what its sine or cosine is taken of."""
         wanted = self._wanted(element, scaled=True)
-        weight = self._basis.solve(element, _dense(wanted, list(self._others)))
+        weight = self._basis.solve(element, _dense(wanted, list(self._others)), self._age(element))
         if weight is None:
             return None
-        known = 0.0 if element.quantity == "velocity" else float(weight @ self._basis.offsets)
         form = element.quantity if element.quantity in ("sin", "cos") else "linear"
-        return weight, self._at_zero(element) - known, form
+        return weight, self._at_zero(element) - float(weight @ self._basis.offsets), form
+
+    def _age(self, element: Element) -> float:
+        """How old an element is in control steps of the target, in similar motion."""
+        age = element.age * self._steps
+        return round(age) if abs(round(age) - age) <= SAME_AGE * age else age
+
+    def _acted(self, element: Element) -> Row | None:
+        """Find what the core did in a step from what was done to the target; None if that is not known."""
+        own = {one.name: (j, one) for j, one in enumerate(self._source.action)}
+        j, actuator = own.get(element.name_now.removesuffix(ACTED), (0, None))
+        factors = self.actions()
+        shares = np.linalg.pinv(factors)[j]
+        shares[np.abs(shares) < 1e-9] = 0.0
+        if actuator is None or not np.allclose(shares @ factors, np.eye(len(own))[j], atol=1e-6):
+            return None
+        weight, bias = np.zeros(self._target.obs_dim), (actuator.high + actuator.low) / 2
+        done = {(e.name_now, e.age): k for k, e in enumerate(self._target.observation) if e.quantity == "action"}
+        for k in np.flatnonzero(shares):
+            other = self._target.action[k]
+            place = done.get((other.name + ACTED, element.age))
+            if place is None:
+                return None
+            weight[place] = shares[k] * (actuator.high - actuator.low) / (other.high - other.low)
+            bias -= float(weight[place]) * (other.high + other.low) / 2
+        return self._linear(weight, bias)
 
     def _wanted(self, element: Element, *, scaled: bool) -> dict[str, float]:
         """What a core input is in the target's joints."""

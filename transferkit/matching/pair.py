@@ -59,7 +59,7 @@ def pair(
         roots = [one for one in doubled if read.parents[0][one] not in doubled]
         bearing = {one: len({more.get(one) for more in every}) for one in own}
         copies.append(Copy(read.joints(pairs), drive.actions(own, bearing), dict.fromkeys(roots, apart) if apart else {}))
-    hold = hold_steps(source, target, scale) if carries else 1
+    hold = hold_steps(source, target, scale, paced=carries)
     return Pairing(source.env_id, target.env_id, tuple(copies), scale, hold, keeps)
 
 

@@ -86,11 +86,19 @@ def similarity(quantity: str, joint_type: str, scale: float, gravity: float) -> 
     return length / time if quantity == "velocity" else length
 
 
-def hold_steps(source: IOSpec, target: IOSpec, scale: float) -> int:
-    """Control steps of the target that last as long as one of the source, in similar motion; at least one."""
+def hold_steps(source: IOSpec, target: IOSpec, scale: float, *, paced: bool) -> int:
+    """Control steps of the target for which an action is held: as long as the source's lasts, in similar motion.
+
+    One step, if there is no pace to keep and the source's last one, too.
+    """
+    return max(1, round(source.hold * steps_of(source, target, scale))) if paced or source.hold > 1 else 1
+
+
+def steps_of(source: IOSpec, target: IOSpec, scale: float) -> float:
+    """Control steps of the target that a step of the source is in similar motion; 1 if their lengths are not known."""
     if not source.time_step or not target.time_step:
-        return 1
-    return max(1, round(source.time_step / (scale / gravity_scale(source, target)) ** 0.5 / target.time_step))
+        return 1.0
+    return source.time_step / (scale / gravity_scale(source, target)) ** 0.5 / target.time_step
 
 
 class Strength(NamedTuple):

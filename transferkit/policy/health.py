@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from transferkit.config.checks import check_kind
 from transferkit.envs import dims_of, name_of, opened, rollout
+from transferkit.errors import ConfigError
 from transferkit.nn import MLP, gaussian
 from transferkit.policy.base import Policy
 from transferkit.streams import Streams
@@ -73,6 +74,8 @@ def health(policy: Policy, env: EnvLike, *, steps: int = 500, seed: int = 0) -> 
         ConfigError: no policy, or one of other dimensions.
     """
     check_kind("policy", policy, Policy, "make one with wrap or scratch_policy")
+    if not {"core", "network"} & policy.parts().keys():
+        raise ConfigError(f"a {type(policy).__name__} has no network to measure", remedy="make one with wrap or scratch_policy")
     policy.check_fits(dims_of(env), env if isinstance(env, str) else name_of(env))
     device = next(policy.parameters()).device
     observation = torch.from_numpy(play(env, steps, seed)).to(device)
@@ -86,6 +89,8 @@ def health(policy: Policy, env: EnvLike, *, steps: int = 500, seed: int = 0) -> 
     mean, log_std = policy(observation)
     for hook in hooks:
         hook.remove()
+    if not torch.isfinite(mean).all():
+        raise ConfigError("the policy answers NaN or infinity", remedy="check its match and its weights")
     spread = torch.cat([output.std(0) for output in outputs])
     std = log_std.detach().exp()
     return Health(

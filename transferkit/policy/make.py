@@ -5,16 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import torch
 
 from transferkit.config import NetworkConfig, WrapConfig, preset_of
-from transferkit.config.checks import check_kind
+from transferkit.config.checks import NOT_NEGATIVE, check_kind, check_value
+from transferkit.config.wrap import check_asked, check_found
 from transferkit.envs import derive_spec, dims_of
 from transferkit.errors import ConfigError, DimensionError, UnknownNameError
-from transferkit.matching import match_for
+from transferkit.matching import Match, match_for
 from transferkit.nn import Architecture
+from transferkit.pairing import Pairing
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.blueprints import SEEDED
 from transferkit.policy.core import Core, Origin
@@ -26,8 +28,6 @@ from transferkit.streams import Streams
 if TYPE_CHECKING:
     from transferkit.config import Algorithm, TrainConfig
     from transferkit.envs import EnvLike
-    from transferkit.matching import Match
-    from transferkit.pairing import Pairing
     from transferkit.policy.base import Policy
     from transferkit.policy.composed import Composed
 
@@ -66,7 +66,12 @@ def wrap(
     check_kind("core", core, Core, "get it from load_core")
     if config is not None:
         check_kind("config", config, WrapConfig, "give single options by name instead, such as tap='action'")
+    check_value("member", member, Annotated[int, NOT_NEGATIVE])
+    if match is not None:
+        check_kind("match", match, (str, Path, Pairing, Match), "give a file, or what transferkit.match returns")
     config = _configure(config or preset_of(algo, preset).wrap, options)
+    check_found(options, config, match)
+    check_asked(options, config)
     target = env if isinstance(env, IOSpec) else derive_spec(env)
     source = core.spec
     _check_dims(core.architecture, source, core.id)

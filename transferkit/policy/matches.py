@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from transferkit.config import preset_of
+from transferkit.config.wrap import FOUND
 from transferkit.envs import derive_spec
 from transferkit.errors import UnknownNameError
 from transferkit.matching import find_pairing
@@ -16,16 +17,13 @@ if TYPE_CHECKING:
     from transferkit.envs import EnvLike
     from transferkit.pairing import Pairing
 
-OPTIONS = ("limbs", "angles", "forces", "hold", "stagger")
-"""Settings of the sandwich that say how a match is found."""
-
 
 def match(
     source: Core | EnvLike | IOSpec,
     target: EnvLike | IOSpec,
     *,
     preset: str = "default",
-    **options: Any,  # noqa: ANN401 - of `OPTIONS`
+    **options: Any,  # noqa: ANN401 - of `FOUND`
 ) -> Pairing:
     """Find how a core, or what is trained on an environment, stands on another one; nothing is trained or played.
 
@@ -40,8 +38,8 @@ def match(
         SettingError: an option out of its range.
     """
     for name in options:
-        if name not in OPTIONS:
-            raise UnknownNameError("option of match", name, OPTIONS)
+        if name not in FOUND:
+            raise UnknownNameError("option of match", name, FOUND)
     config = replace(preset_of("ppo", preset).wrap, **options)
     specs = [source.spec if isinstance(source, Core) else _spec(source), _spec(target)]
     return find_pairing(config, *specs)

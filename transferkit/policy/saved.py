@@ -15,7 +15,7 @@ from transferkit.files import damaged_run
 from transferkit.nn import Ensemble, EnsembleArchitecture
 from transferkit.policy.blueprints import build, plan_of
 from transferkit.reading import typed
-from transferkit.run import BEST, POLICY, load_state
+from transferkit.run import BEST, POLICY, finished_result, load_state
 from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def policy_file(run_dir: str | Path, *, best: bool = False) -> Path:
         RunDirectoryError: the run is not finished, or there is no best policy.
     """
     run = Path(run_dir)
-    if not (run / POLICY).exists():
+    if not (run / POLICY).exists() or finished_result(run) is None:
         raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
     if best and not (run / BEST).exists():
         raise RunDirectoryError(

@@ -1,7 +1,17 @@
 """The run directory: what a training run writes, so that a kill at any moment leaves it readable and resumable."""
 
 from transferkit.run.continuation import finished_result
-from transferkit.run.directory import BEST, CHECKPOINT, POLICY, UNTRAINED, RunDirectory, check_same, read_beside, read_record
+from transferkit.run.directory import (
+    BEST,
+    CHECKPOINT,
+    POLICY,
+    UNTRAINED,
+    RunDirectory,
+    check_free,
+    check_same,
+    read_beside,
+    read_record,
+)
 from transferkit.run.result import RECORD, RESULT, Beside, Best, Earlier, Probation, Record, Result
 from transferkit.run.session import Report, Schedule, Scores, Session
 from transferkit.run.state_file import check_alike, load_state, save_state
@@ -32,6 +42,7 @@ __all__ = [
     "Scores",
     "Session",
     "check_alike",
+    "check_free",
     "check_same",
     "finished_result",
     "load_state",

@@ -40,6 +40,9 @@ LONGEST_HEADER = 1000
 """Characters of a table's first line that are looked at."""
 
 LOCK = ".lock"
+OVERRIDES = "overrides"
+"""Settings over the preset, in a run's identity."""
+
 LEFTOVERS = (LOCK, RECORD + ".tmp")
 """Files that a start leaves behind if it is killed before it wrote its record."""
 
@@ -66,10 +69,7 @@ class RunDirectory:
         Raises:
             RunDirectoryError: the folder holds a run or other files, or is not writable.
         """
-        if path.exists() and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
-            raise RunDirectoryError(
-                f"output directory {path} is in use", remedy="continue it with {resume=True}, or choose another {out}"
-            )
+        check_free(path)
         with writing(path):
             path.mkdir(parents=True, exist_ok=True)
         run = cls(path)
@@ -243,6 +243,18 @@ def read_beside(record: Mapping[str, Any]) -> Beside:
         raise RunDirectoryError(f"{RECORD} is not the record of a training run ({error})", remedy="train again") from None
 
 
+def check_free(path: Path) -> None:
+    """Check that a folder is empty or yet to be made.
+
+    Raises:
+        RunDirectoryError: it holds a run or other files.
+    """
+    if path.exists() and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
+        raise RunDirectoryError(
+            f"output directory {path} is in use", remedy="continue it with {resume=True}, or choose another {out}"
+        )
+
+
 def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     """Compare the configuration that a run was started with and the one it is to go on with.
 
@@ -263,7 +275,9 @@ def _differences(a: Mapping[str, Any], b: Mapping[str, Any], prefix: str = "") -
     differences = []
     for key in {*a, *b}:
         left, right = a.get(key), b.get(key)
-        if isinstance(left, dict) and isinstance(right, dict):
+        if key == OVERRIDES:  # settings by their own names
+            differences += _differences(left or {}, right or {}, prefix)
+        elif isinstance(left, dict) and isinstance(right, dict):
             differences += _differences(left, right, f"{prefix}{key}.")
         elif left != right:
             differences.append(f"{prefix}{key} is {left!r} there and {right!r} here")

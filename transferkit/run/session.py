@@ -105,7 +105,7 @@ class Session:
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
         self._to_beat, self._falls_back = to_beat, falls_back
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
-        self._return, self._length = np.zeros(num_envs), np.zeros(num_envs, int)
+        self._return, self._length = [0.0] * num_envs, [0] * num_envs
         self._recent: deque[float] = deque(maxlen=RECENT)
         self._evaluated = self.evaluations = self.evaluation_steps = 0
         self.best: Best | None = None
@@ -152,7 +152,7 @@ class Session:
         spent = self.spent
         spent.steps += 1
         spent.seconds = self._seconds_before + time.monotonic() - self._started
-        self._return[index] += reward
+        self._return[index] += float(reward)
         self._length[index] += 1
         if terminated or truncated:
             self._end_episode(index, terminated=terminated)
@@ -205,8 +205,8 @@ class Session:
         """Write the state of the trainer and of its environments with the session's own."""
         own = {
             "spent": [self.spent.episodes, self.spent.steps, self.spent.seconds],
-            "return": self._return.tolist(),
-            "length": self._length.tolist(),
+            "return": list(self._return),
+            "length": list(self._length),
             "recent": list(self._recent),
             "evaluated": self._evaluated,
             "evaluations": self.evaluations,
@@ -229,7 +229,7 @@ class Session:
             raise FormatError("it is the state of another session")
         self.spent = Spent(*state["spent"])
         self._seconds_before = self.spent.seconds
-        self._return, self._length = np.array(state["return"]), np.array(state["length"], int)
+        self._return, self._length = list(map(float, state["return"])), list(map(int, state["length"]))
         self._recent.extend(state["recent"])
         self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
         self._scores, self.evaluation_steps = scores, state.get("evaluation_steps", 0)
@@ -254,10 +254,10 @@ class Session:
         return bool(every) and self.spent.steps // every > self._evaluated // every
 
     def _end_episode(self, index: int, *, terminated: bool) -> None:
-        spent, total = self.spent, float(self._return[index])
+        spent, total = self.spent, self._return[index]
         spent.episodes += 1
         self._recent.append(total)
-        length, seconds = int(self._length[index]), round(spent.seconds, 3)
+        length, seconds = self._length[index], round(spent.seconds, 3)
         self.directory.append(EpisodeRow(spent.episodes, index, total, length, int(terminated), spent.steps, seconds))
         self._return[index], self._length[index] = 0.0, 0
 

@@ -11,6 +11,7 @@ import safetensors.torch
 import torch
 from torch import Tensor
 
+from transferkit.config.checks import check_kind
 from transferkit.errors import ArtifactError
 from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
@@ -53,6 +54,8 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
         DimensionError: a file of another library does not fit the environment.
         RunDirectoryError: a run that is unfinished, damaged, or cannot be a core.
     """
+    check_kind("name", name, (str, Path), "give a core's id or its folder")
+    check_kind("env", env or "", str, "name the environment, such as 'module:MyEnv-v0'")
     own, known = Path(name), str(name) in core_folders()
     if not known and own.is_file():
         return imported(own, env)

@@ -75,7 +75,7 @@ def _network(policy: Policy, run: Path) -> PolicyNet | ComposedNet:
 def _spec(policy: Policy, config: TrainConfig, run: Path, env: str | None) -> IOSpec:
     """What a run's numbers mean: as its policy or its record says, or derived from its environment."""
     if isinstance(policy, Sandwich | PaperSandwich):
-        return policy.target
+        return replace(policy.target, hold=policy.hold)
     if kept := read_beside(read_record(run)).spec:
         return kept
     env_id = id_from_file(config.env, run, env)

@@ -175,7 +175,7 @@ class Agent:
     @property
     def unrewarded(self) -> bool:
         """Whether neither rewards nor terminations have ever said what is good."""
-        if not self._rewarded:
+        if not self._rewarded and self.buffer.added:
             seen = self.buffer.all()
             different = (seen.reward != seen.reward.median()).sum()
             self._rewarded = bool(seen.terminated.any() | (different >= self.config.curious_until))
@@ -185,8 +185,8 @@ class Agent:
     def largest_return(self) -> float:
         """The largest possible discounted sum of rewards, in the critic's scale; at least that of novelty, which is below 1."""
         seen, config = self.buffer.all(), self.config
-        largest = float(seen.reward.abs().max())
-        if config.model_share and config.planned_reward == "minus-norm":
+        largest = float(seen.reward.abs().max()) if self.buffer.added else 0.0
+        if self.buffer.added and config.model_share and config.planned_reward == "minus-norm":
             largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
         return self.reward_scale * max(1.0, largest) / max(1 - self.discount, np.finfo(float).eps)
 

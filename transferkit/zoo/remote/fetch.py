@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from transferkit.errors import ArtifactError, RemoteError, UnknownNameError
+from transferkit.errors import ArtifactError, ConfigError, RemoteError, UnknownNameError
 from transferkit.files import write_atomically, writing
 from transferkit.reading import FormatError
 from transferkit.zoo.artifact import load_core
@@ -87,6 +87,8 @@ def pull(name: str, url: str | None, report: Report) -> Path:
 def _holder(name: str, asked: Sequence[Root]) -> tuple[Root, Entry]:
     found = [(root, index.cores) for root in asked if (index := current(root)) is not None]
     having = [(root, cores[name]) for root, cores in found if name in cores]
+    if not found:
+        raise ConfigError("no zoo elsewhere was added", remedy="`transferkit zoo add URL` adds one")
     if not having:
         raise UnknownNameError("core of zoos elsewhere", name, sorted({core for _, cores in found for core in cores}))
     if len({entry.digest for _, entry in having}) > 1:
