@@ -51,7 +51,8 @@ def _cells(study: Study, group: Group) -> list[str]:
     known = ["-" if spent is None else f"{spent:,.0f}", _mean(nothing)]
     differences = difference(group.verdict.primary.get(SCRATCH)), difference(group.verdict.scratch)
     start = [group.rung, name, group.trainer, *known, area, differences[0], first, end, differences[1]]
-    return [*start, _mean(learner), _worse(group), _saved(study, group)]
+    saved = "-" if group.verdict.kind == REFUSED else _saved(study, group)
+    return [*start, _mean(learner), _worse(group), saved]
 
 
 def _mean(values: Sequence[float]) -> str:
