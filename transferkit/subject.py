@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.config import EnvConfig, TrainConfig
+from transferkit.config.checks import check_kind
 from transferkit.envs import dims_of, id_from_file
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import DEFAULT_EPISODES, evaluate
@@ -53,6 +54,7 @@ def load_subject(
         EnvironmentContractError: the run's environment is not in writing, or needs a module, and none is named.
         UnknownNameError: neither a run nor a core has this name.
     """
+    check_kind("name", name, (str, Path), "give a run's folder, or a core's id or folder")
     if (Path(name) / RECORD).exists():
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")

@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from tests.toys import Counter
-from transferkit.envs import make_env
-from transferkit.errors import EnvironmentContractError, NotFiniteError, UnknownNameError
+from transferkit.envs import derive_spec, make_env, solved_return, vary
+from transferkit.errors import EnvironmentContractError, NotFiniteError, SettingError, UnknownNameError
 from transferkit.evaluation import ZeroPolicy, evaluate
 
 
@@ -118,3 +118,89 @@ def test_an_id_that_is_none_is_one_line(env_id):
     with pytest.raises(EnvironmentContractError) as error:
         make_env(env_id)
     assert "\n" not in str(error.value)
+
+
+SAID = {
+    "spec": (property(lambda self: 1 / 0), "failed in what it says of itself with ZeroDivisionError"),
+    "unwrapped": (property(lambda self: 1 / 0), "failed in what it says of itself with ZeroDivisionError"),
+    "episode_limit": (property(lambda self: 1 / 0), "failed in what it says of itself with ZeroDivisionError"),
+    **{f"episode_limit {limit}": (limit, f"the episode limit of Odd={limit!r} must be") for limit in (20.0, "20", 0, -5)},
+    "episode_limit method": (lambda self: 20, "the episode limit of Odd='method' must be"),
+}
+
+
+@pytest.mark.parametrize("name", SAID)
+def test_what_an_environment_says_of_itself_is_checked_before_a_step(name):
+    value, message = SAID[name]
+    odd = type("Odd", (Counter,), {name.partition(" ")[0]: value})
+    with pytest.raises(EnvironmentContractError, match=message) as error:
+        make_env(lambda: odd(5))
+    assert "\n" not in str(error.value)
+
+
+def test_what_solves_a_task_is_a_number_or_not_known(caplog):
+    class Solved(Counter):
+        spec = gymnasium.envs.registration.EnvSpec("Solved-v0", reward_threshold=7)
+
+    assert solved_return(make_env(Solved(5))) == 7.0
+    for threshold in ("7", 10**400, float("nan")):
+        Solved.spec.reward_threshold = threshold
+        assert solved_return(make_env(Solved(5))) is None
+        assert "reward_threshold" in caplog.messages[-1]
+
+
+def test_elsewhere_than_in_gymnasiums_robots_actions_have_the_type_of_their_space():
+    class Exact(Counter):
+        def step(self, action):
+            assert self.action_space.contains(action)
+            return super().step(action)
+
+    make_env(env := Exact(5)).reset(seed=0)
+    make_env(env).step(np.zeros(env.action_space.shape))
+
+
+def test_the_bounds_are_those_that_a_clip_further_in_clips_to():
+    clipped = gymnasium.wrappers.RecordEpisodeStatistics(gymnasium.wrappers.ClipAction(gymnasium.make("Hopper-v5")))
+    assert make_env(clipped).high.tolist() == [1.0] * 3
+    assert make_env(vary(gymnasium.wrappers.ClipAction(gymnasium.make("Hopper-v5")), mass=1.3)).high.tolist() == [1.0] * 3
+
+
+def test_what_a_wrapper_has_learnt_is_left_as_it_was():
+    class Mean(gymnasium.Wrapper):
+        total, inplace = np.zeros(4), np.zeros(4)
+
+        def step(self, action):
+            result = self.env.step(action)
+            self.total = self.total + result[0]
+            self.inplace += result[0]
+            return result
+
+    env = Mean(gymnasium.make("InvertedPendulum-v5"))
+    env.inplace = env.inplace.copy()
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    before = env.total.copy(), env.inplace.copy()
+    derive_spec(env)
+    np.testing.assert_array_equal((env.total, env.inplace), before)
+
+
+def test_an_environment_that_ends_for_good_is_known():
+    class Final(gymnasium.Wrapper):
+        def reset(self, **given):
+            self.over = False
+            return self.env.reset(**given)
+
+        def step(self, action):
+            assert not self.over
+            result = self.env.step(action)
+            self.over = result[2] or result[3]
+            return result
+
+    spec = derive_spec(lambda: Final(gymnasium.make("InvertedPendulum-v5", max_episode_steps=4)))
+    assert [element.quantity for element in spec.observation] == ["position", "position", "velocity", "velocity"]
+
+
+def test_a_limit_below_one_is_refused():
+    for limit in (0, -1, "a"):
+        with pytest.raises(SettingError, match="max_episode_steps"):
+            make_env("InvertedPendulum-v5", max_episode_steps=limit)

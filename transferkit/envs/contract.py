@@ -185,7 +185,9 @@ def episode_limit(env: gymnasium.Env) -> int | None:
     for limit in limits:
         if not isinstance(limit, Integral) or limit < 1:
             raise EnvironmentContractError(
-                f"the episode limit of {name_of(env)}", value=repr(limit)[:40], allowed="a whole number of steps, at least 1"
+                f"the episode limit of {name_of(env)}",
+                value=limit if isinstance(limit, int | float | str) else type(limit).__name__,
+                allowed="a whole number of steps, at least 1",
             )
     return min(map(int, limits), default=None)
 

@@ -32,7 +32,10 @@ def name_of(env: EnvLike) -> str:
         return env
     if not isinstance(env, gymnasium.Env):
         return getattr(env, "__name__", type(env).__name__)
-    return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    try:
+        return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
+    except Exception:  # of an environment of the user's; what needs more of it says what is wrong
+        return type(env).__name__
 
 
 def is_written(env: str) -> bool:

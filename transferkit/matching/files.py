@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from transferkit.config.checks import check_kind
 from transferkit.env_id import EnvId
 from transferkit.errors import ConfigError, UnknownNameError
 from transferkit.files import check_new, new_file
@@ -35,6 +36,7 @@ def save_match(pairing: Pairing, path: str | Path) -> None:
     """
     import yaml  # noqa: PLC0415 - most commands write none
 
+    check_kind("pairing", pairing, Pairing, "give what transferkit.match returns")
     check_new(Path(path), "yaml", ".yaml")
     text = HEAD.format(source=pairing.source, target=pairing.target)
     text += yaml.safe_dump(as_plain(pairing), sort_keys=False, default_flow_style=None, width=120)
@@ -57,6 +59,7 @@ def load_match(path: str | Path) -> Pairing:
     Raises:
         ConfigError: it cannot be read, or is none.
     """
+    check_kind("path", path, (str, Path), "give a file from transferkit match")
     try:
         return parse_yaml(read_bytes(Path(path), LARGEST), Pairing)
     except OSError as error:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 
 from transferkit.config import NetworkConfig, WrapConfig, preset_of
-from transferkit.config.checks import NOT_NEGATIVE, check_kind, check_value
+from transferkit.config.checks import check_kind
 from transferkit.config.wrap import check_asked, check_found
 from transferkit.envs import derive_spec, dims_of
 from transferkit.errors import ConfigError, DimensionError, UnknownNameError
@@ -66,7 +66,6 @@ def wrap(
     check_kind("core", core, Core, "get it from load_core")
     if config is not None:
         check_kind("config", config, WrapConfig, "give single options by name instead, such as tap='action'")
-    check_value("member", member, Annotated[int, NOT_NEGATIVE])
     if match is not None:
         check_kind("match", match, (str, Path, Pairing, Match), "give a file, or what transferkit.match returns")
     config = _configure(config or preset_of(algo, preset).wrap, options)

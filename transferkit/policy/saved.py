@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import nn
 
+from transferkit.config.checks import check_kind
 from transferkit.errors import RunDirectoryError
 from transferkit.files import damaged_run
 from transferkit.nn import Ensemble, EnsembleArchitecture
 from transferkit.policy.blueprints import build, plan_of
 from transferkit.reading import typed
-from transferkit.run import BEST, POLICY, finished_result, load_state
+from transferkit.run import BEST, POLICY, goes_on, load_state
 from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
@@ -99,8 +100,9 @@ def policy_file(run_dir: str | Path, *, best: bool = False) -> Path:
     Raises:
         RunDirectoryError: the run is not finished, or there is no best policy.
     """
+    check_kind("run_dir", run_dir, (str, Path), "give the folder of a run")
     run = Path(run_dir)
-    if not (run / POLICY).exists() or finished_result(run) is None:
+    if not (run / POLICY).exists() or goes_on(run):
         raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
     if best and not (run / BEST).exists():
         raise RunDirectoryError(

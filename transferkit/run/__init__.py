@@ -1,6 +1,6 @@
 """The run directory: what a training run writes, so that a kill at any moment leaves it readable and resumable."""
 
-from transferkit.run.continuation import finished_result
+from transferkit.run.continuation import finished_result, goes_on
 from transferkit.run.directory import (
     BEST,
     CHECKPOINT,
@@ -45,6 +45,7 @@ __all__ = [
     "check_free",
     "check_same",
     "finished_result",
+    "goes_on",
     "load_state",
     "read_beside",
     "read_record",

@@ -45,6 +45,12 @@ def finished_result(run: Path) -> Result | None:
     return result if len(result.earlier) == len(read_json(run / RECORD, Record).continuations) else None
 
 
+def goes_on(run: Path) -> bool:
+    """Whether a run that was finished has more budget now, so that its policy is yet to come."""
+    given_more = (run / RECORD).exists() and read_json(run / RECORD, Record).continuations
+    return bool(given_more) and finished_result(run) is None
+
+
 def recorded_limits(run: Path) -> dict[str, float]:
     """Read the limits of a run's budget, the newest if it was given more."""
     record = read_json(run / RECORD, Record)

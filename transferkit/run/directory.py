@@ -275,8 +275,8 @@ def _differences(a: Mapping[str, Any], b: Mapping[str, Any], prefix: str = "") -
     differences = []
     for key in {*a, *b}:
         left, right = a.get(key), b.get(key)
-        if key == OVERRIDES:  # settings by their own names
-            differences += _differences(left or {}, right or {}, prefix)
+        if key == OVERRIDES:  # None if there are none
+            differences += _differences(left or {}, right or {}, f"{prefix}{key}.")
         elif isinstance(left, dict) and isinstance(right, dict):
             differences += _differences(left, right, f"{prefix}{key}.")
         elif left != right:

@@ -88,7 +88,9 @@ def _holder(name: str, asked: Sequence[Root]) -> tuple[Root, Entry]:
     found = [(root, index.cores) for root in asked if (index := current(root)) is not None]
     having = [(root, cores[name]) for root, cores in found if name in cores]
     if not found:
-        raise ConfigError("no zoo elsewhere was added", remedy="`transferkit zoo add URL` adds one")
+        raise ConfigError(
+            f"unknown core of zoos elsewhere '{name}': no zoo was added", remedy="`transferkit zoo add URL` adds one"
+        )
     if not having:
         raise UnknownNameError("core of zoos elsewhere", name, sorted({core for _, cores in found for core in cores}))
     if len({entry.digest for _, entry in having}) > 1:
