@@ -11,7 +11,7 @@ from transferkit import load_core, load_policy, run_training, scratch_policy, tr
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import make_env
-from transferkit.errors import InterruptedRunError
+from transferkit.errors import InterruptedRunError, RunDirectoryError
 from transferkit.evaluation import ZeroPolicy
 from transferkit.policy.base import ConstantPolicy
 from transferkit.policy.saved import load_components
@@ -188,6 +188,13 @@ def test_the_core_that_stands_in_is_the_one_that_was_wrapped_also_if_it_was_trai
         assert_same_tensors(policy.state_dict(), untrained.state_dict())
     assert train(policy, IDP, Budget(episodes=60), resume=True, **given).fell_back
     assert_same_tensors(load_policy(tmp_path / "run").state_dict(), untrained.state_dict())
+
+
+def test_a_folder_that_is_in_use_is_refused_before_anything_is_played(tmp_path, caplog):
+    (tmp_path / "mine.txt").touch()
+    with pytest.raises(RunDirectoryError, match="is in use"):
+        run_training(config("ppo"), out=tmp_path)
+    assert not caplog.messages
 
 
 def test_a_core_that_is_to_be_trusted_is_not_asked(tmp_path):
