@@ -8,10 +8,11 @@ import torch
 
 from tests.policy.cores import random_core
 from tests.toys import Counter
-from transferkit import load_core, match, wrap
+from transferkit import Budget, evaluate, load_core, load_policy, load_subject, match, train, wrap
 from transferkit.config import PRESETS, NetworkConfig, TrainConfig
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
+from transferkit.matching import load_match, save_match
 from transferkit.nn import PolicyNet
 from transferkit.policy.blueprints import build
 from transferkit.policy.core import Core, stack_members
@@ -183,3 +184,29 @@ def test_a_core_explores_at_least_as_much_as_is_asked_for():
     assert own.log_std.exp().min() < 0.05
     torch.testing.assert_close(wider.log_std, own.log_std.clamp(min=math.log(0.05)))
     assert wrap(core, "HalfCheetah-v5").log_std.exp().min().item() == pytest.approx(0.2)
+
+
+def test_a_member_is_one_of_the_cores():
+    core = load_core("inverted-pendulum-v1")
+    assert wrap(core, "InvertedDoublePendulum-v5", member=np.int64(4)).has_core
+    for member in (5, -1, "0", 1.0, None):
+        with pytest.raises(SettingError, match=r"member.* must be 0 to 4"):
+            wrap(core, "InvertedDoublePendulum-v5", member=member)
+
+
+def test_what_is_no_match_a_setting_or_a_folder_is_said():
+    core, policy = load_core("inverted-pendulum-v1"), scratch_policy("InvertedPendulum-v5")
+    budget = Budget(episodes=1)
+    for call, message in (
+        (lambda: wrap(core, "InvertedDoublePendulum-v5", match=5), "match is of type int and not str or Path or Pairing"),
+        (lambda: train(policy, "InvertedPendulum-v5", budget, settings={5: 3}), "a setting's name is of type int"),
+        (lambda: train(policy, "InvertedPendulum-v5", budget, out=5), "out is of type int"),
+        (lambda: load_core(None), "name is of type NoneType"),
+        (lambda: load_policy(5), "run_dir is of type int"),
+        (lambda: load_subject(None), "name is of type NoneType"),
+        (lambda: evaluate(core, "InvertedPendulum-v5"), "policy is of type Core and cannot act"),
+        (lambda: save_match(None, "x.yaml"), "pairing is of type NoneType"),
+        (lambda: load_match(5), "path is of type int"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            call()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 import torch
@@ -95,7 +96,7 @@ class Core:
         return Ensemble(self.ensembles[name])
 
     def _of(self, component: str, member: int) -> dict[str, Tensor]:
-        if not isinstance(member, int) or not 0 <= member < len(self.seeds):
+        if not isinstance(member, Integral) or not 0 <= member < len(self.seeds):
             raise SettingError("member", value=member, allowed=f"0 to {len(self.seeds) - 1} for core {self.id}")
         return {name: tensor[member] for name, tensor in self.components[component].items()}
 
