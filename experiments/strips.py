@@ -33,6 +33,7 @@ STRIPS = {
             "pendulum-swingup-v1",
             "reacher-v1",
             "swimmer-v1",
+            "walker-walk-v1",
             "walker2d-v1",
         )
     ),
@@ -42,6 +43,7 @@ STRIPS = {
     "hopper-v1_walker-stand": "dm_control/walker-stand-v0",
     "half-cheetah-v1_cheetah-run": "dm_control/cheetah-run-v0",
     "walker2d-v1_walker-walk": "dm_control/walker-walk-v0",
+    "walker-walk-v1_Walker2d": "Walker2d-v5",
     "hopper-v1_hopper-stand": "dm_control/hopper-stand-v0",
 }
 """Pictures by name, which begins with the core's; the environment, or None for the core's own."""
