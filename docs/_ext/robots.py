@@ -71,6 +71,18 @@ PAIRS = (
         "dm_control/cheetah-run-v0",
     ),
     Pair(
+        "A walk that also stands",
+        "The same walker with another task: who walks upright at 1 m/s is paid for being upright.",
+        "walker-walk-v1",
+        "dm_control/walker-stand-v0",
+    ),
+    Pair(
+        "Two walkers, from the suite to Gymnasium",
+        "All joints have counterparts. The walk does not cross: two of three members fall at once.",
+        "walker-walk-v1",
+        "Walker2d-v5",
+    ),
+    Pair(
         "Two walkers",
         "All joints have counterparts, and the gait does not cross: it is no better than a shuffled core.",
         "walker2d-v1",
