@@ -5,7 +5,7 @@ from typing import Literal
 
 import pytest
 
-from transferkit.reading import FormatError, typed
+from transferkit.reading import FormatError, parse_yaml, typed
 
 Colour = Literal["red", "blue"]
 
@@ -25,6 +25,13 @@ class Picture:
 def test_a_word_that_is_not_listed_is_answered_with_those_that_are(given):
     with pytest.raises(FormatError, match=r"'r'.*; known are blue, red$"):
         typed(given, Picture)
+
+
+@pytest.mark.parametrize("text", ["", "? [a, b]\n: 1", "{{a: 1}: 2}", "- 1", "colour: red\ncolour: blue"])
+def test_a_file_of_another_shape_is_one_line(text):
+    with pytest.raises(FormatError) as error:
+        parse_yaml(text.encode(), Picture)
+    assert "\n" not in str(error.value)
 
 
 def test_what_else_is_wrong_is_said_without_a_list():

@@ -99,8 +99,10 @@ def parse_yaml(data: bytes, kind: type[T]) -> T:
     try:
         text = data.decode("utf-8-sig")
         _check_references(yaml.parse(text, yaml.SafeLoader))
-        _check_keys(yaml.compose(text, yaml.SafeLoader))
-        value = yaml.safe_load(text)
+        loader = yaml.SafeLoader(text)
+        node = loader.get_single_node()
+        _check_keys(node)
+        value = None if node is None else loader.construct_document(node)
     except FormatError:
         raise
     except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -130,20 +132,20 @@ def _check_references(events: Iterable[Any]) -> None:
                 opened.append(event.anchor)
 
 
-def _check_keys(node: Any) -> None:  # noqa: ANN401 - a node of YAML
+def _check_keys(node: Any) -> None:  # noqa: ANN401 - a node of YAML, or None of an empty file
     """Refuse a name that stands twice in one mapping."""
-    parts = getattr(node, "value", None)
-    if not isinstance(parts, list):
-        return
-    names: set[object] = set()
-    for part in parts:
-        for inner in part if isinstance(part, tuple) else (part,):
+    kind, names = type(node).__name__, set[str]()
+    if kind == "SequenceNode":
+        for inner in node.value:
             _check_keys(inner)
-        if isinstance(part, tuple):
-            if part[0].value in names:
-                raise FormatError(f"{part[0].value} stands twice in one place, again in line {part[0].start_mark.line + 1}")
-            if isinstance(part[0].value, str):
-                names.add(part[0].value)
+    elif kind == "MappingNode":
+        for key, inner in node.value:
+            _check_keys(inner)
+            if not isinstance(key.value, str):  # no name, which is refused later
+                continue
+            if key.value in names:
+                raise FormatError(f"{key.value} stands twice in one place, again in line {key.start_mark.line + 1}")
+            names.add(key.value)
 
 
 def typed(value: object, kind: type[T]) -> T:
@@ -178,7 +180,7 @@ def _listed(info: Any, steps: Sequence[str]) -> Iterator[object]:  # noqa: ANN40
         case msgspec.inspect.ListType() | msgspec.inspect.VarTupleType():
             inner = [(info.item_type, steps[1:])]
         case msgspec.inspect.TupleType():
-            inner = [(info.item_types[int(steps[0])], steps[1:])]
+            inner = [(one, steps[1:]) for k, one in enumerate(info.item_types) if [str(k)] == steps[:1]]
         case msgspec.inspect.LiteralType():
             yield from info.values
             return
