@@ -43,7 +43,6 @@ STRIPS = {
     "hopper-v1_walker-stand": "dm_control/walker-stand-v0",
     "half-cheetah-v1_cheetah-run": "dm_control/cheetah-run-v0",
     "walker2d-v1_walker-walk": "dm_control/walker-walk-v0",
-    "walker-walk-v1_walker-stand": "dm_control/walker-stand-v0",
     "walker-walk-v1_Walker2d": "Walker2d-v5",
     "hopper-v1_hopper-stand": "dm_control/hopper-stand-v0",
 }

@@ -71,12 +71,6 @@ PAIRS = (
         "dm_control/cheetah-run-v0",
     ),
     Pair(
-        "A walk that also stands",
-        "The same walker with another task: who walks upright at 1 m/s is paid for being upright.",
-        "walker-walk-v1",
-        "dm_control/walker-stand-v0",
-    ),
-    Pair(
         "Two walkers, from the suite to Gymnasium",
         "All joints have counterparts. The walk does not cross: two of three members fall at once.",
         "walker-walk-v1",
