@@ -71,6 +71,11 @@ def test_two_servos_of_a_joint_are_one_gain_and_two_commands(tmp_path):
     assert model.gains(spec, spec.joints[0]) == (50.0, 3.0)
 
 
+def test_a_family_is_exported_as_the_robot_that_it_is_drawn_around():
+    env = "Hopper-v5?vary.gear=[0.5,2]&vary.damping=[0.5,3]"
+    assert read_model(env, derive_spec(env)) == read_model("Hopper-v5", derive_spec("Hopper-v5"))
+
+
 def test_what_drives_no_joint_is_an_action_of_its_own(tmp_path):
     tree = ET.parse(ASSETS / "inverted_pendulum.xml")
     root, drives = tree.getroot(), tree.find("actuator")

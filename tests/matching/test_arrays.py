@@ -92,6 +92,13 @@ def test_a_policy_without_a_network_is_not_measured():
         health(ConstantPolicy(4, 1), ONE, steps=20)
 
 
+def test_a_policy_that_answers_nan_is_not_measured():
+    policy = wrap(load_core("inverted-pendulum-v1"), CARTPOLE)
+    next(policy.output_adapter.parameters()).data.fill_(float("nan"))
+    with pytest.raises(ConfigError, match="answers NaN or infinity"):
+        health(policy, CARTPOLE, steps=20)
+
+
 def test_small_numbers_keep_their_digits():
     def in_degrees():
         env, scale = gymnasium.make(ONE), np.array([1.0, 1.0, 0.00123, 0.00057])

@@ -218,6 +218,13 @@ def test_the_largest_return_is_that_of_the_largest_reward_for_ever(agent):
     assert made.largest_return == pytest.approx(0.1 * 7 / 0.1)
 
 
+def test_before_an_action_is_over_nothing_has_been_met(agent):
+    made = agent(gamma=0.9)
+    made.buffer.added = 0
+    assert made.unrewarded
+    assert made.largest_return == pytest.approx(made.reward_scale / 0.1)
+
+
 def test_an_agent_goes_on_from_its_state(agent):
     one, two = agent(), agent()
     one.learn()
