@@ -26,7 +26,10 @@ Combination = dict[str, float]
 
 
 LARGEST = 1e9
-"""Of a match's numbers."""
+"""Absolute value that no number of a match exceeds."""
+
+MOST_HELD = 10_000
+"""Control steps for which an action may be held."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +66,8 @@ class Pairing:
             raise ValueError(f"its length is {self.length}, and must be greater than 0")
         if not 1 / LARGEST <= self.length <= LARGEST:
             raise ValueError(f"its length is {self.length:g}, and must be between {1 / LARGEST:g} and {LARGEST:g}")
-        if not 1 <= self.hold <= 10_000:
-            raise ValueError(f"its hold is {self.hold} control steps, and must be between 1 and 10,000")
+        if not 1 <= self.hold <= MOST_HELD:
+            raise ValueError(f"its hold is {self.hold} control steps, and must be between 1 and {MOST_HELD:,}")
         numbers = [x for copy in self.copies for part in vars(copy).values() for one in part.values() for x in _numbers(one)]
         if not all(map(math.isfinite, numbers)):
             raise ValueError("its numbers must be finite")

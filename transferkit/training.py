@@ -111,8 +111,6 @@ def train(
     check_kind("budget", budget, Budget, "give one, such as Budget(episodes=200)")
     check_kind("settings", {} if settings is None else settings, Mapping, "give them by name, such as {'ppo.gamma': 0.98}")
     check_kind("out", "" if out is None else out, (str, Path), "give a folder, such as 'runs/mine'")
-    for name in settings or {}:
-        check_kind("a setting's name", name, str, "give them by name, such as {'ppo.gamma': 0.98}")
     core, wrapping = _core_of(policy)
     config = TrainConfig(
         recorded(env),

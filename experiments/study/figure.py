@@ -25,7 +25,7 @@ BESIDE = 4
 """Panels in a row."""
 
 DASHES = ("-", "--", ":", "-.")
-"""Of the first five lines, and of the next."""
+"""Line styles, each for the next five lines."""
 
 
 def draw(study: Study) -> Figure:
@@ -44,7 +44,7 @@ def draw(study: Study) -> Figure:
         axis.locator_params(axis="x", nbins=5)
         for k, (trainer, arm) in enumerate(lines):
             label = verbatim(", ".join([ARMS[arm], *([trainer] if len(trainers) > 1 else [])]))
-            _line(axis, study, _of(rows, trainer, arm, target), label, (COLOURS[k % 5], DASHES[k // 5 % 4]))
+            _line(axis, study, _of(rows, trainer, arm, target), label, (COLOURS[k % 5], DASHES[k // 5 % len(DASHES)]))
     for axis in axes[:, 0]:
         axis.set_ylabel("evaluation, IQM with 95 % interval")
     named = {label: line for axis in figure.axes for line, label in zip(*axis.get_legend_handles_labels(), strict=True)}

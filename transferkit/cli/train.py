@@ -30,7 +30,7 @@ class _Request:
 def main(arguments: Sequence[str]) -> Answer:
     """Train a policy; answers with its result."""
     arguments = gathered(arguments)
-    default = defaults(arguments)
+    default, given = defaults(arguments), settings_in(arguments)
 
     def command(
         config: Annotated[TrainConfig, tyro.conf.arg(name="")] = default,
@@ -53,11 +53,11 @@ def main(arguments: Sequence[str]) -> Answer:
             vary: NAME=VALUE changes of the robot, such as mass=1.3 friction=0.5..1.5; a range is drawn every episode.
         """
         if trust_core:
-            config = _trusting(config, settings_in(arguments))
+            config = _trusting(config, given)
         return _Request(replace(config, env=with_arguments(config.env, env_kwargs, vary)), out, resume, _every(record))
 
     request = parse(command, "transferkit train", arguments, ("out", "resume", "record", "trust-core", "env-kwargs", "vary"))
-    check_read(request.config, settings_in(arguments))
+    check_read(request.config, given)
     return _train(request)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Annotated, Any, Literal
 
-from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE, POSITIVE, Seed, check, check_value
+from transferkit.config.checks import AT_LEAST_ONE, EPISODES, NOT_NEGATIVE, POSITIVE, Seed, check, check_kind, check_value
 from transferkit.config.dyna import DynaConfig, DynaPPOConfig, ModelConfig
 from transferkit.config.env import EnvConfig
 from transferkit.config.migrate import migrated
@@ -149,11 +149,13 @@ def with_settings(config: TrainConfig, settings: Mapping[str, Any]) -> TrainConf
     """The configuration with settings by dotted name, such as `{"ppo.gamma": 0.98}`; `"none"` stands for None.
 
     Raises:
+        ConfigError: a name is none.
         UnknownNameError: there is no such setting.
         SettingError: a value does not fit.
     """
     changed: dict[str, dict[str, Any]] = {}
     for name, value in settings.items():
+        check_kind("a setting's name", name, str, "give them by name, such as {'ppo.gamma': 0.98}")
         section, _, key = name.partition(".")
         if section not in SECTIONS or key not in getattr(config, section).__dataclass_fields__:
             known = [f"{part}.{key}" for part in SECTIONS for key in getattr(config, part).__dataclass_fields__]

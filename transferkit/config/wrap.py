@@ -8,12 +8,12 @@ from typing import Annotated, Literal
 
 from transferkit.config.checks import NOT_NEGATIVE, POSITIVE, SHARE, WIDTH, Range, check, check_value
 from transferkit.errors import ConfigError
-from transferkit.pairing import Angles, Forces, Limbs
+from transferkit.pairing import MOST_HELD, Angles, Forces, Limbs
 
 Tap = Literal["features", "action"]
 Adapter = Literal["auto", "semantic", "random", "pad"]
 
-HELD, APART = Range(0, 10_000), Range(-3.2, 3.2)
+HELD, APART = Range(0, MOST_HELD), Range(-3.2, 3.2)
 """Control steps of an action, and radians between limbs."""
 
 FOUND = ("limbs", "angles", "forces", "hold", "stagger")

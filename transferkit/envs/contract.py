@@ -22,14 +22,14 @@ from transferkit.errors import EnvironmentContractError, NotFiniteError, Transfe
 LOGGER = logging.getLogger("transferkit")
 
 LARGEST = 1e300
-"""Of what may be a return."""
+"""Absolute value that no return reaches."""
 
 NO_LIMIT = 10_000
 """Steps after which an episode of an environment without a time limit is truncated."""
 
 
 GYMNASIUM = "gymnasium.envs.mujoco"
-"""Robots that take numbers of any kind, and results are of more digits than their spaces say."""
+"""Module of the robots that take actions of any type; they get float64, of more digits than their spaces, as ever."""
 
 RESET = ("observation", "info")
 STEP = ("observation", "reward", "terminated", "truncated", "info")
@@ -195,9 +195,11 @@ def episode_limit(env: gymnasium.Env) -> int | None:
 def solved_return(env: gymnasium.Env) -> float | None:
     """Return at which the task counts as solved, Gymnasium's `reward_threshold`; None if the environment names no number."""
     threshold = getattr(env.unwrapped.spec, "reward_threshold", None)
-    if threshold is None or (isinstance(threshold, int | float | np.number) and -LARGEST < threshold < LARGEST):
-        return None if threshold is None else float(threshold)
-    LOGGER.warning("what solves %s is not known: its reward_threshold is %s and no number", name_of(env), repr(threshold)[:40])
+    if isinstance(threshold, int | float | np.number) and -LARGEST < threshold < LARGEST:
+        return float(threshold)
+    if threshold is not None:
+        text = repr(threshold)[:40]
+        LOGGER.warning("what solves %s is not known: its reward_threshold is %s and no number", name_of(env), text)
     return None
 
 

@@ -17,7 +17,7 @@ def layers_of(env: gymnasium.Env) -> list[gymnasium.Env]:
 def bounds(env: gymnasium.Env) -> gymnasium.Space:
     """The space of an environment's actions; behind Gymnasium's `ClipAction`, which declares none, what it clips to."""
     layer = env
-    while isinstance(layer, gymnasium.Wrapper) and (layer.action_space == env.action_space):
+    while isinstance(layer, gymnasium.Wrapper) and layer.action_space == env.action_space:
         if isinstance(layer, ClipAction):
             return bounds(layer.env)
         layer = layer.env

@@ -188,14 +188,13 @@ class _Model:
 def nominal(env: gymnasium.Env) -> Iterator[None]:
     """Show the robot that a family is drawn around, from the next reset on."""
     layers = [layer for layer in layers_of(env) if isinstance(layer, Varied)]
-    before = [layer.nominal for layer in layers]
     for layer in layers:
         layer.nominal = True
     try:
         yield
     finally:
-        for layer, was in zip(layers, before, strict=True):
-            layer.nominal = was
+        for layer in layers:
+            layer.nominal = False
 
 
 def _differences(base: mujoco.MjModel, new: mujoco.MjModel) -> dict[str, NDArray[np.bool_]]:

@@ -51,13 +51,10 @@ def match_for(
         return result
     if given is not None:
         raise ConfigError("nothing in the match gives an input and drives an action", topic="matches")
+    nothing = f"nothing in {target.env_id} means what {source.env_id}'s observations and actions mean"
     if config.adapter == "semantic":
-        raise ConfigError(
-            f"{{wrap.adapter=semantic}}: nothing in {target.env_id} means what {source.env_id}'s observations and actions mean",
-            remedy="use {wrap.adapter=random}",
-        )
+        raise ConfigError(f"{{wrap.adapter=semantic}}: {nothing}", remedy="use {wrap.adapter=random}")
     if config.hold > 1:
-        nothing = f"nothing in {target.env_id} means what {source.env_id}'s observations and actions mean"
         raise ConfigError(f"{{wrap.hold={config.hold}}} has no effect: {nothing}", remedy="leave it out")
     return None
 

@@ -33,7 +33,7 @@ FORMLESS = ("height", "function of position", "function of velocity", "force", "
 """Quantities that no combination of others gives."""
 
 SAME_AGE = 0.1
-"""Of an age: how far off one is that is as good."""
+"""Difference of two ages, as a share of them, up to which they count as one."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class _Basis:
     def solve(self, element: Element, wanted: NDArray, age: float) -> NDArray | None:
         """Find weights over what the target observes that give a combination `(joints,)` of its joints; None if none do.
 
-        Of a past that it does not observe, the two nearest times that it does say where it was.
+        An age that the target does not observe follows from the two nearest ones, along a line.
         """
         ages = np.unique(self.ages) if age else np.zeros(1)
         found = [(other, weights) for other in ages if (weights := self._solve_at(element, wanted, other)) is not None]
@@ -268,13 +268,15 @@ class _Rows:
 
     def _acted(self, element: Element) -> Row | None:
         """Find what the core did in a step from what was done to the target; None if that is not known."""
-        own = {one.name: (j, one) for j, one in enumerate(self._source.action)}
-        j, actuator = own.get(element.name_now.removesuffix(ACTED), (0, None))
-        factors = self.actions()
+        names = [one.name + ACTED for one in self._source.action]
+        if element.name_now not in names:
+            return None
+        j, factors = names.index(element.name_now), self.actions()
         shares = np.linalg.pinv(factors)[j]
         shares[np.abs(shares) < 1e-9] = 0.0
-        if actuator is None or not np.allclose(shares @ factors, np.eye(len(own))[j], atol=1e-6):
+        if not np.allclose(shares @ factors, np.eye(len(names))[j], atol=1e-6):
             return None
+        actuator = self._source.action[j]
         weight, bias = np.zeros(self._target.obs_dim), (actuator.high + actuator.low) / 2
         done = {(e.name_now, e.age): k for k, e in enumerate(self._target.observation) if e.quantity == "action"}
         for k in np.flatnonzero(shares):

@@ -89,7 +89,7 @@ def similarity(quantity: str, joint_type: str, scale: float, gravity: float) -> 
 def hold_steps(source: IOSpec, target: IOSpec, scale: float, *, paced: bool) -> int:
     """Control steps of the target for which an action is held: as long as the source's lasts, in similar motion.
 
-    One step, if there is no pace to keep and the source's last one, too.
+    It is one step where neither a gait has a pace to keep nor the source's policy holds its own actions.
     """
     return max(1, round(source.hold * steps_of(source, target, scale))) if paced or source.hold > 1 else 1
 

@@ -184,11 +184,13 @@ class Agent:
     @property
     def largest_return(self) -> float:
         """The largest possible discounted sum of rewards, in the critic's scale; at least that of novelty, which is below 1."""
-        seen, config = self.buffer.all(), self.config
-        largest = float(seen.reward.abs().max()) if self.buffer.added else 0.0
-        if self.buffer.added and config.model_share and config.planned_reward == "minus-norm":
-            largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
-        return self.reward_scale * max(1.0, largest) / max(1 - self.discount, np.finfo(float).eps)
+        largest, config = 1.0, self.config
+        if self.buffer.added:
+            seen = self.buffer.all()
+            largest = max(largest, float(seen.reward.abs().max()))
+            if config.model_share and config.planned_reward == "minus-norm":
+                largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
+        return self.reward_scale * largest / max(1 - self.discount, np.finfo(float).eps)
 
     def set_progress(self, progress: float, step_progress: float, *, behind: bool = False) -> None:
         """Freeze, unfreeze, let go and calm down for a run that has used these shares of its budget and of its steps.
