@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import logging
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from transferkit import stats
+from transferkit.budget import Spent
 from transferkit.config import TrainConfig
-from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check_value
+from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check, check_value
 from transferkit.envs import derive_spec, name_of
 from transferkit.errors import ArtifactError, SettingError
 from transferkit.evaluation import ZeroPolicy, evaluate
-from transferkit.files import check_folder
 from transferkit.interop import Given, read_core
 from transferkit.policy.health import health
-from transferkit.versions import command, versions
-from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED, Card, ImportedFrom, Score
+from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED, ImportedFrom
 from transferkit.zoo.find import Played
-from transferkit.zoo.release import check_name, release
+from transferkit.zoo.release import core_id, new_card, new_folder, release, scored
 
 if TYPE_CHECKING:
     from transferkit.envs import EnvLike
@@ -47,23 +44,14 @@ class Target:
     """Mean return that it has to reach."""
     licence: str = NOT_STATED
 
+    def __post_init__(self) -> None:
+        check(self)
+        core_id(self.name, self.version)
+
     @property
     def folder(self) -> Path:
         """The folder of the artifact."""
-        return self.zoo / f"{self.name}-v{self.version}"
-
-    def check(self) -> None:
-        """Check name and folder before anything is read.
-
-        Raises:
-            ArtifactError: the version exists.
-            ConfigError: the name or the folder cannot be.
-        """
-        check_name(self.name)
-        check_value("version", self.version, Annotated[int, AT_LEAST_ONE])
-        check_value("threshold", self.threshold, float | None)
-        check_folder(self.zoo, "zoo")
-        check_unreleased(self.folder)
+        return self.zoo / core_id(self.name, self.version)
 
 
 @dataclass(frozen=True)
@@ -137,7 +125,7 @@ def run_import(file: Path, env: EnvLike, given: Given, target: Target | None) ->
     if scale not in (None, "bounds") and not (isinstance(scale, float | int) and 0 < scale < float("inf")):
         raise SettingError("action_scale", value=scale, allowed="a positive number, or bounds")
     if target is not None:
-        target.check()
+        new_folder(target.zoo, target.folder.name)
     name = file.stem if target is None else target.folder.name
     core, foreign, notes = read_core(file, derive_spec(env), given, name)
     policy = core.policy()
@@ -174,27 +162,20 @@ def _better_with(core: Core, env: EnvLike, returns: tuple[float, ...]) -> list[s
 
 def _written(done: Imported, env: str, target: Target) -> Core:
     """Write the artifact; returns the core with its digest."""
-    mean, (low, high) = float(np.mean(done.returns)), stats.mean_interval(done.returns)
-    if target.threshold is not None and mean < target.threshold:
+    core, score = done.core, scored([done.returns], target.threshold)
+    if score.mean < score.threshold:
         raise ArtifactError(
-            f"core {done.core.id} is refused: its return {mean:.1f} is below the threshold {target.threshold:g}",
+            f"core {core.id} is refused: its return {score.mean:.1f} is below the threshold {score.threshold:g}",
             remedy="check {activation}, {stats} and {action_scale}",
         )
-    threshold = mean if target.threshold is None else target.threshold
-    card = Card(
-        id=done.core.id,
+    card = new_card(
+        core,
+        score,
+        TrainConfig(core.spec.env_id),
+        [Spent(steps=done.steps)],
         description=f"A policy of {done.library} for {env}, imported.",
-        source=done.core.spec,
-        components=components_card(done.core),
-        seeds=done.core.seeds,  # pyright: ignore[reportArgumentType] - a tuple
-        score=Score(mean, low, high, SCORE_EPISODES, SCORE_SEED, (mean,), threshold),
-        spent=({"episodes": 0, "steps": done.steps, "seconds": 0.0},),
-        command=command(),
-        config=asdict(TrainConfig(done.core.spec.env_id)),
-        versions=versions(),
-        files={},
         licence=target.licence,
         history=tuple(done.notes),
-        origin=ImportedFrom(done.library, done.core.digest),
+        origin=ImportedFrom(done.library, core.digest),
     )
-    return replace(done.core, digest=release(done.core, card, target.folder).digest)
+    return replace(core, digest=release(core, card, target.folder).digest)

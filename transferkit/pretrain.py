@@ -7,30 +7,25 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
-
-from transferkit import stats
-from transferkit.budget import given_limits
+from transferkit.budget import Spent, given_limits
 from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Different, Items, Seed, check
 from transferkit.envs import derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.files import check_folder
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
 from transferkit.run import RECORD, check_same, read_record
 from transferkit.training import RUNS, run_training
-from transferkit.versions import command, versions
 from transferkit.workers import worker_pool
-from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import SCORE_EPISODES, SCORE_SEED, Card, Score
-from transferkit.zoo.release import check_name, release
+from transferkit.zoo.card import SCORE_EPISODES, SCORE_SEED
+from transferkit.zoo.release import core_id, new_card, new_folder, release, scored
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
     from transferkit.policy.saved import Component
     from transferkit.run import Result
+    from transferkit.zoo.card import Card, Score
 
 
 @dataclass(frozen=True)
@@ -58,12 +53,12 @@ class Recipe:
 
     def __post_init__(self) -> None:
         check(self)
-        check_name(self.name)
+        core_id(self.name, self.version)
 
     @property
     def id(self) -> str:
-        """`<name>-v<version>`."""
-        return f"{self.name}-v{self.version}"
+        """The core's."""
+        return core_id(self.name, self.version)
 
 
 def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
@@ -73,7 +68,7 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         ArtifactError: the version exists, or a member is below the threshold.
         ConfigError: a core cannot be made of what the configuration trains, or its folder cannot be written.
     """
-    check_folder(recipe.zoo, "zoo")
+    folder = new_folder(recipe.zoo, recipe.id)
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch", remedy="leave out {core}")
     if config.algo != "ppo" and config.model.predict == "state":
@@ -82,8 +77,6 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         raise SettingError("stop_at", value=config.stop_at, allowed=f"at least the threshold {recipe.threshold:g}")
     if recipe.best and not config.eval_every:
         raise ConfigError("the best policy is found by evaluations during training", remedy="give {eval_every} with {best}")
-    folder = recipe.zoo / recipe.id
-    check_unreleased(folder)
     if config.algo == "dyna-ddpg" and not recipe.policy_only:
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
     results = _train_members(recipe, config)
@@ -99,10 +92,20 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         ).returns
         for policy in policies
     ]
-    score = _score(recipe, returns)
+    score = scored(returns, recipe.threshold)
+    _check_score(recipe, score)
     beside = [{} if recipe.policy_only else load_components(result.run_dir, best=recipe.best) for result in results]
     core = _core(recipe, config, policies, beside)
-    return release(core, _card(recipe, config, core, results, score), folder)
+    best = ", each at its best evaluation" if recipe.best else ""
+    card = new_card(
+        core,
+        score,
+        config,
+        [Spent(result.episodes, result.steps, result.seconds) for result in results],
+        description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",
+        history=(f"v{recipe.version}: {', '.join(core.components)}; trained with {config.algo}{best}",),
+    )
+    return release(core, card, folder)
 
 
 def _train_members(recipe: Recipe, config: TrainConfig) -> list[Result]:
@@ -125,17 +128,14 @@ def _train_member(config: TrainConfig, out: Path) -> Result:
     return run_training(config, out=out, resume=True)
 
 
-def _score(recipe: Recipe, returns: list[tuple[float, ...]]) -> Score:
-    members = tuple(float(np.mean(member)) for member in returns)
-    below = [f"seed {seed}: {mean:.1f}" for seed, mean in zip(recipe.seeds, members, strict=True) if mean < recipe.threshold]
-    if below:
+def _check_score(recipe: Recipe, score: Score) -> None:
+    means = zip(recipe.seeds, score.members, strict=True)
+    if below := [f"seed {seed}: {mean:.1f}" for seed, mean in means if mean < recipe.threshold]:
         raise ArtifactError(
             f"core {recipe.id} is refused: {', '.join(below)}, below the threshold {recipe.threshold:g} "
-            f"(mean of all members {np.mean(members):.1f})",
+            f"(mean of all members {score.mean:.1f})",
             remedy="train longer, for example with more {steps}",
         )
-    low, high = stats.hierarchical_interval(returns)
-    return Score(float(np.mean(members)), low, high, SCORE_EPISODES, SCORE_SEED, members, recipe.threshold)
 
 
 def _core(
@@ -153,22 +153,3 @@ def _core(
         stacked[name] = stack_members([components[name][1] for components in beside])
     architecture = policies[0].network.architecture
     return Core(recipe.id, derive_spec(config.env), architecture, recipe.seeds, stacked, ensembles=ensembles)
-
-
-def _card(recipe: Recipe, config: TrainConfig, core: Core, results: list[Result], score: Score) -> Card:
-    components = components_card(core)
-    best = ", each at its best evaluation" if recipe.best else ""
-    return Card(
-        id=recipe.id,
-        description=recipe.description or f"Policies trained with {config.algo} on {config.env}.",
-        source=core.spec,
-        components=components,
-        seeds=recipe.seeds,
-        score=score,
-        spent=tuple({"episodes": r.episodes, "steps": r.steps, "seconds": r.seconds} for r in results),
-        command=command(),
-        config=asdict(config),
-        versions=versions(),
-        files={},
-        history=(f"v{recipe.version}: {', '.join(components)}; trained with {config.algo}{best}",),
-    )

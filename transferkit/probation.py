@@ -98,7 +98,7 @@ def _judge(own: Sequence[Episode], core: Sequence[float], zero: Sequence[float],
         return False, f"not clearly better than doing nothing: {means}"
     if np.mean(core[:count]) - np.mean(zero) < enough:
         return False, f"better than doing nothing by less than {enough:.4g}: {means}"
-    return True, f"better than doing nothing: {means}"
+    return True, f"better than doing nothing{'' if p < ALPHA else ' in each of few pairs'}: {means}"
 
 
 def _transitions(episodes: Sequence[Episode]) -> Transitions:

@@ -119,6 +119,6 @@ def zero_shot(core: Core, env: str, *, episodes: int, seed: int = 0) -> tuple[Ze
 
 def _summary(name: str, evaluations: Sequence[Evaluation]) -> ZeroShot:
     groups = [evaluation.returns for evaluation in evaluations]
-    low, high = stats.hierarchical_interval(groups) if len(groups) > 1 else stats.mean_interval(groups[0])
+    low, high = stats.hierarchical_interval(groups)
     means = tuple(evaluation.mean for evaluation in evaluations)
     return ZeroShot(name, sum(means) / len(means), low, high, means)

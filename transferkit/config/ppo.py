@@ -20,9 +20,9 @@ class PPOConfig:
     """Environments stepped side by side."""
     rollout: Literal["adaptive", "steps", "episode"] = "adaptive"
     """Update after `rollout_steps`, after every episode (the paper), or, adaptive, after `rollout_steps` in which an episode
-    has ended, waiting for that no longer than 2048 steps or a twentieth of the budget."""
+    has ended, waiting for that no longer than 2048 actions or a twentieth of the budget."""
     rollout_steps: Annotated[int, Range(1, 1_000_000)] = 128
-    """Environment steps per update, over all environments together; the least of an adaptive rollout."""
+    """Actions per update, over all environments together; the least of an adaptive rollout."""
     epochs: Annotated[int, AT_LEAST_ONE] = 10
     """Passes over a rollout."""
     batch_size: Annotated[int, BATCH] = 64

@@ -20,7 +20,7 @@ from transferkit.config.checks import (
 )
 from transferkit.errors import SettingError
 from transferkit.nn.policy_net import Activation
-from transferkit.zoo.release import check_name
+from transferkit.zoo.release import core_id
 
 ENVS = 5
 """Environments that are played side by side."""
@@ -57,14 +57,14 @@ class DistillConfig:
 
     def __post_init__(self) -> None:
         check(self)
-        check_name(self.name)
+        core_id(self.name, self.version)
         if self.steps < ENVS * self.rounds:
             raise SettingError("steps", value=self.steps, allowed=f"at least {ENVS} in each of {self.rounds} rounds")
 
     @property
     def folder(self) -> Path:
         """The folder of the artifact."""
-        return Path(self.zoo) / f"{self.name}-v{self.version}"
+        return Path(self.zoo) / core_id(self.name, self.version)
 
     @property
     def steps_of_a_round(self) -> int:

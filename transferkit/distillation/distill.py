@@ -10,23 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from transferkit import stats
 from transferkit.config import TrainConfig
 from transferkit.distillation.rounds import Rounds
 from transferkit.distillation.teacher import Beside, teacher_in, watch
 from transferkit.envs import copies_of, derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
-from transferkit.files import check_folder, writing
+from transferkit.files import writing
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.policy.core import Core, stack_members
 from transferkit.run import RECORD
 from transferkit.training import RUNS
-from transferkit.versions import command, versions
-from transferkit.zoo.artifact import check_unreleased, components_card
-from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED, Card, Score
+from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED
 from transferkit.zoo.catalog import find_card
-from transferkit.zoo.release import release
+from transferkit.zoo.release import new_card, new_folder, release, scored
 
 if TYPE_CHECKING:
     from transferkit.budget import Spent
@@ -34,6 +31,7 @@ if TYPE_CHECKING:
     from transferkit.envs import EnvLike
     from transferkit.policy.base import ScratchPolicy
     from transferkit.run import Report
+    from transferkit.zoo.card import Card
 
 
 @dataclass(frozen=True)
@@ -76,8 +74,7 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
         ConfigError: the teacher cannot act within this environment, or the folder cannot be written.
         UnknownNameError: neither a run nor a core has this name.
     """
-    check_folder(recipe.folder.parent, "zoo")
-    check_unreleased(recipe.folder)
+    new_folder(recipe.folder.parent, recipe.folder.name)
     members = _members(teacher, recipe)
     work = RUNS / "distill" / recipe.folder.name
     with writing(work):
@@ -130,28 +127,21 @@ def _student(
 
 
 def _card(name: str, recipe: DistillConfig, core: Core, students: Sequence[_Student]) -> Card:
-    means = tuple(float(np.mean(one.returns)) for one in students)
-    if recipe.threshold is not None and min(means) < recipe.threshold:
-        taught = ", ".join(f"{mean:.1f} of {one.teacher_return:.1f}" for mean, one in zip(means, students, strict=True))
+    score = scored([one.returns for one in students], recipe.threshold)
+    if min(score.members) < score.threshold:
+        pairs = zip(score.members, students, strict=True)
+        taught = ", ".join(f"{mean:.1f} of {one.teacher_return:.1f}" for mean, one in pairs)
         raise ArtifactError(
-            f"core {core.id} is refused: the students return {taught}, below the threshold {recipe.threshold:g}",
+            f"core {core.id} is refused: the students return {taught}, below the threshold {score.threshold:g}",
             remedy="give more {steps}",
         )
-    low, high = stats.hierarchical_interval([one.returns for one in students])
-    threshold = min(means) if recipe.threshold is None else recipe.threshold
     taught = float(np.mean([one.teacher_return for one in students]))
-    return Card(
-        id=core.id,
+    return new_card(
+        core,
+        score,
+        TrainConfig(core.spec.env_id),
+        [one.spent for one in students],
         description=f"{name} on other observations: {core.spec.env_id}.",
-        source=core.spec,
-        components=components_card(core),
-        seeds=tuple(core.seeds),
-        score=Score(float(np.mean(means)), low, high, SCORE_EPISODES, SCORE_SEED, means, threshold),
-        spent=tuple({"episodes": s.episodes, "steps": s.steps, "seconds": s.seconds} for s in (one.spent for one in students)),
-        command=command(),
-        config=asdict(TrainConfig(core.spec.env_id)),
-        versions=versions(),
-        files={},
         licence=find_card(name).licence if _has_card(name) else NOT_STATED,
         history=(f"v{recipe.version}: distilled from {name}, which returns {taught:.1f} from the same starts",),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -72,6 +73,12 @@ class PartAdam:
             second.mul_(BETAS[1]).addcmul_(grads[k], grads[k], value=1 - BETAS[1])
             size = rates[k, 0] * lr if self.parts[k].lr is None else rates[k, 0]
             self.flat[k].sub_(size * first / (second.sqrt() * rates[k, 1] + EPSILON))
+
+    def forget(self) -> None:
+        """Start as if no step had been taken."""
+        for moment in chain(*self.moments):
+            moment.zero_()
+        self._steps = [0 for _ in self.flat]
 
     def state_dict(self) -> dict[str, Any]:
         """Return moments, steps and learning rates."""

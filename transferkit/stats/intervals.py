@@ -79,9 +79,11 @@ def stratified_interval(
 def hierarchical_interval(groups: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
     """Compute the interval of the mean over groups `(groups, values)` that are themselves a sample, as source seeds are.
 
-    The groups' means are the sample: their spread holds that within them (Davison & Hinkley 1997, 3.8).
+    The groups' means are the sample: their spread holds that within them (Davison & Hinkley 1997, 3.8). Of one group it is the
+    interval over its values.
     """
-    return mean_interval(np.asarray(groups, float).mean(axis=1), confidence=confidence)
+    values = np.asarray(groups, float)
+    return mean_interval(values[0] if len(values) == 1 else values.mean(axis=1), confidence=confidence)
 
 
 def crossed_interval(scores: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:

@@ -247,11 +247,12 @@ def test_an_agent_that_has_met_a_reward_remembers_it_when_its_buffer_does_not(ag
     assert (one.unrewarded, other.unrewarded) == (False, False)
 
 
-def test_the_policy_that_is_kept_is_the_average_of_the_last_share_of_steps(agent):
-    """At 40 steps and a share of a tenth, a quarter of what is new."""
+@pytest.mark.parametrize(("hold", "steps"), [(1, 40), (4, 160)])
+def test_the_policy_that_is_kept_is_the_average_of_the_last_share_of_steps(agent, hold, steps):
+    """At 40 actions and a share of a tenth, a quarter of what is new."""
     made = agent(average_share=0.1)
     old = [parameter.detach().clone() for parameter in made.average.parameters()]
-    made.steps = 40
+    made.steps, made.hold = steps, hold
     made.learn()
     assert made.average is not made.policy
     assert made.average.normalizer is made.policy.normalizer

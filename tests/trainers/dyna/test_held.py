@@ -70,7 +70,7 @@ def test_an_agent_goes_on_in_the_middle_of_an_action(agent, pendulum_spec):
     assert (other.steps, len(other.buffer)) == (2, 0)
 
 
-def test_transitions_of_elsewhere_are_joined_as_if_their_first_action_was_held():
+def test_transitions_of_elsewhere_are_joined_as_if_the_mean_of_their_actions_was_held():
     """Observations 0 to 4 in an episode that terminates, then 10 to 12 in one that is cut."""
     first, second = torch.arange(5.0), torch.arange(10.0, 13.0)
     observation = torch.cat((first, second))[:, None]
@@ -78,11 +78,20 @@ def test_transitions_of_elsewhere_are_joined_as_if_their_first_action_was_held()
     terminated[4] = 1.0
     joined, weights = held_transitions(Batch(observation, observation * 2, torch.ones(8), observation + 1, terminated), 3, 0.5)
     assert joined.observation.flatten().tolist() == [0, 1, 2, 3, 4, 10]
-    assert joined.action.flatten().tolist() == [0, 2, 4, 6, 8, 20]
+    assert joined.action.flatten().tolist() == [2, 4, 6, 7, 8, 22]  # of 0, 2, 4, then of 2, 4, 6, and so on
     assert joined.reward.tolist() == [1.75, 1.75, 1.75, 1.5, 1.0, 1.75]
     assert joined.next_observation.flatten().tolist() == [3, 4, 5, 5, 5, 13]
     assert joined.terminated.tolist() == [0, 0, 1, 1, 1, 0]
     assert weights.tolist() == [1, 0.5, 0.25, 0.125, 0.0625, 1]  # of the time since the episode began
+
+
+def test_an_action_is_not_credited_with_what_others_did():
+    """Rewards are the actions, which take turns: held, neither would be worth anything; and whatever was held is worth itself."""
+    time = torch.arange(12.0)[:, None]
+    turns, held = 1.0 - 2.0 * (time % 2), torch.tensor([1.0] * 6 + [-1.0] * 6)[:, None]
+    for action in (turns, held):
+        joined, _ = held_transitions(Batch(time, action, action[:, 0], time + 1, torch.zeros(12)), 2, 1.0)
+        torch.testing.assert_close(joined.reward, 2 * joined.action[:, 0])
 
 
 def test_what_is_shorter_than_an_action_is_no_transition(agent):

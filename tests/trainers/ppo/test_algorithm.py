@@ -1,4 +1,5 @@
 import copy
+from itertools import chain
 
 import numpy as np
 import pytest
@@ -103,6 +104,8 @@ def test_a_policy_with_a_core_waits_for_its_critic(has_core, moves):
         moved.append(not torch.equal(parameters_to_vector(ppo.policy.parameters()), actor))
         assert not torch.equal(parameters_to_vector(ppo.values.body.parameters()), critic)
         assert moved[-1] or ppo.learning_rate == rate
+        learnt = ppo.learners[0].optimizer.state_dict()  # which moves the policy once its turn comes
+        assert moved[-1] or not any(tensor.any() for tensor in (*chain(*learnt["moments"]), *learnt["steps"]))
     assert moved == moves
 
 

@@ -155,7 +155,7 @@ class Agent:
             for slow, fast in zip(self._targets, self._online, strict=True):
                 slow.lerp_(fast, config.tau)
             for average, fast in zip(self._averages, self.actor_optimizer.flat, strict=False):
-                average.lerp_(fast, 1.0 / max(1.0, config.average_share * self.steps))
+                average.lerp_(fast, min(1.0, self.hold / max(1.0, config.average_share * self.steps)))
 
     @property
     def reward_scale(self) -> float:

@@ -72,20 +72,24 @@ class Held:
 
 
 def held_transitions(batch: Batch, steps: int, discount: float) -> tuple[Batch, Tensor]:
-    """Join all runs of `steps` transitions, fewer before a termination, as if the first action of each was held.
+    """Join all runs of `steps` transitions, fewer before a termination, as if the mean of their actions was held.
 
-    With them come their weights, the discount to the power of the time since their episodes began.
+    Where that very action was held it is exact, and to first order where others were. With them come their weights, the discount
+    to the power of the time since their episodes began.
     """
     following = (batch.next_observation[:-1] == batch.observation[1:]).all(-1) & (batch.terminated[:-1] == 0)
     goes_on = torch.cat((following, torch.zeros(1, dtype=torch.bool)))
     last = index = torch.arange(len(batch.reward))
     begins = torch.cat((torch.ones(1, dtype=torch.bool), ~following))[: len(index)]
     weights = discount ** (index - torch.where(begins, index, 0).cummax(0).values)
-    reward, complete = batch.reward.clone(), torch.ones_like(goes_on)
+    reward, action, complete = batch.reward.clone(), batch.action.clone(), torch.ones_like(goes_on)
     for age in range(1, steps):
         complete &= goes_on[last] | (batch.terminated[last] > 0)
         going = goes_on[last]
         last = torch.where(going, last + 1, last)
         reward += torch.where(going, discount**age * batch.reward[last], 0.0)
-    joined = batch._replace(reward=reward, next_observation=batch.next_observation[last], terminated=batch.terminated[last])
+        action += torch.where(going[:, None], batch.action[last], 0.0)
+    action /= (last - index + 1)[:, None]
+    followed = {"next_observation": batch.next_observation[last], "terminated": batch.terminated[last]}
+    joined = batch._replace(action=action, reward=reward, **followed)
     return Batch(*(tensor[complete] for tensor in joined)), weights[complete]

@@ -152,7 +152,9 @@ class PPO(rsl_rl.algorithms.PPO):
             step_rates = rates[0][k], rates[1][k]
             losses = self._update_minibatch(self.rule, *self.learners, minibatch, step_rates, learning_rate)
             total = {name: total[name] + losses[name] / count for name in total}
-        if not self._critic_only:  # a policy that stays tells nothing of the rate
+        if self._critic_only:  # nothing of a critic that knows nothing yet, in Adam's moments neither
+            self.learners[0].optimizer.forget()
+        else:  # a policy that stays tells nothing of the rate
             self.learning_rate = float(learning_rate)
         if self._learns_statistics:
             self.policy.update_normalizer(cast("Tensor", storage.observations).flatten(0, 1))
