@@ -77,7 +77,7 @@ def _against(group: Group, arm: str) -> dict[str, float]:
     if usable[arm].shape[1] < 2:
         return {}
     found = group.verdict.controls.get(arm) or stats.paired_difference(usable[TRANSFER], usable[arm])
-    better, _, _ = stats.probability_of_improvement(usable[TRANSFER], usable[arm])
+    better = stats.probability_of_improvement(usable[TRANSFER], usable[arm])
     return {
         "difference": found.mean,
         "difference_low": found.low,

@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.matrix.arms import ZERO_ACTION
 from experiments.report.ladder import ORDER
-from experiments.report.tables import source_steps
+from experiments.report.tables import core_share, source_steps
 from experiments.report.verdict import REFUSED, SCRATCH, TRANSFER
 from experiments.study.cells import difference, short, whole
 from transferkit import stats
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 HEADER = (
     *("rung", "core on target", "trainer", "source steps", "doing nothing", "area: core, scratch", "difference, as judged"),
-    *("first: core, scratch", "end: core, scratch", "difference", "learner around the core"),
+    *("first: core, scratch", "end: core, scratch", "difference", "stood in", "learner around the core"),
     *("below scratch's lower quartile", "steps saved"),
 )
 
@@ -32,10 +32,11 @@ HEADER = (
 def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
     """Every comparison with a core, rung by rung; of these trainers, or of all.
 
-    Differences are core minus scratch; that of areas has the interval that decides, for four comparisons. The *learner* is the
-    mean return of the last 50 training episodes, with noise, also of runs for which the untrained core stands in. *Steps saved*
-    is how many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over seeds. The
-    threshold is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end above it.
+    Differences are core minus scratch; that of areas has the interval that decides, for four comparisons. The *learner* is
+    the mean return of the last 50 training episodes, with noise, also of runs for which the untrained core stands in:
+    *stood in* is the share of evaluations that it played. *Steps saved* is how many times as many steps scratch needs to a
+    threshold, by medians, with the bootstrap's interval over seeds. The threshold is halfway from scratch, its mean start
+    or end, whichever is higher, to the core's mean end above it.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
@@ -52,7 +53,8 @@ def _cells(study: Study, group: Group) -> list[str]:
     differences = difference(group.verdict.primary.get(SCRATCH)), difference(group.verdict.scratch)
     start = [group.rung, name, group.trainer, *known, area, differences[0], first, end, differences[1]]
     saved = "-" if group.verdict.kind == REFUSED else _saved(study, group)
-    return [*start, _mean(learner), _worse(group), saved]
+    stood_in = core_share(group)
+    return [*start, "-" if stood_in is None else f"{stood_in:.0%}", _mean(learner), _worse(group), saved]
 
 
 def _mean(values: Sequence[float]) -> str:

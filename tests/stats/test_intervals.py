@@ -45,6 +45,7 @@ def test_members_count_as_the_sample_not_episodes():
     means = np.array([0.0, 10.0, 20.0, 30.0, 40.0])
     groups = means[:, None] + np.linspace(-0.01, 0.01, 20)
     assert hierarchical_interval(groups) == pytest.approx(mean_interval(means))
+    assert hierarchical_interval(groups[:1]) == mean_interval(groups[0])  # of one member all that is known
 
 
 def test_crossed_factors_both_count():

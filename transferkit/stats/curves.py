@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from transferkit.stats.intervals import CONFIDENCE, RESAMPLES, generator_or_fixed
+from transferkit.stats.intervals import CONFIDENCE, RESAMPLES
 
 LAST = 0.1
 """Share of the budget whose evaluations make the asymptote."""
@@ -51,16 +51,14 @@ def data_efficiency(scratch: ArrayLike, transfer: ArrayLike, *, source: float = 
     return by_scratch / needed if needed else float("inf")  # there before any training
 
 
-def data_efficiency_interval(
-    scratch: ArrayLike, transfer: ArrayLike, *, rng: np.random.Generator | None = None
-) -> tuple[float, float]:
+def data_efficiency_interval(scratch: ArrayLike, transfer: ArrayLike) -> tuple[float, float]:
     """Compute the bootstrap interval of `data_efficiency` over seeds.
 
     `scratch` is `(seeds,)`, `transfer` `(members, seeds)` of the same seeds, which are resampled together; members stay. A
     resample in which neither gets to the threshold says nothing and is left out; NaN if that is every one.
     """
     a, b = np.asarray(scratch, float), np.atleast_2d(np.asarray(transfer, float))
-    rows = generator_or_fixed(rng).integers(len(a), size=(RESAMPLES, len(a)))
+    rows = np.random.default_rng(0).integers(len(a), size=(RESAMPLES, len(a)))
     found = np.array([data_efficiency(a[row], b[:, row]) for row in rows])
     found = found[~np.isnan(found)]
     if not len(found):

@@ -38,52 +38,44 @@ def normalized(scores: ArrayLike, low: float, high: float) -> NDArray[np.float64
     return (np.asarray(scores, float) - low) / (high - low)
 
 
-def mean_interval(values: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def mean_interval(values: ArrayLike) -> tuple[float, float]:
     """Compute Student's interval of the mean of independent values.
 
     One value, or equal values, give an interval of no width: the sample says nothing about its spread.
     """
-    return crossed_interval(np.asarray(values, float)[None], confidence=confidence)
+    return crossed_interval(np.asarray(values, float)[None])
 
 
-def summary_interval(mean: float, deviation: float, n: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def summary_interval(mean: float, deviation: float, n: int) -> tuple[float, float]:
     """Student's interval of a mean from its summary: the mean, the standard deviation (n - 1) and the count of the values."""
     if n < 2 or not deviation:
         return mean, mean
-    return _student(mean, deviation / np.sqrt(n), n - 1, confidence)
+    return _student(mean, deviation / np.sqrt(n), n - 1, CONFIDENCE)
 
 
-def iqm_interval(
-    values: ArrayLike, *, rng: np.random.Generator | None = None, confidence: float = CONFIDENCE
-) -> tuple[float, float]:
+def iqm_interval(values: ArrayLike) -> tuple[float, float]:
     """Compute the bootstrap interval of the interquartile mean of independent runs."""
-    return stratified_interval(np.asarray(values, float)[:, None], iqm, rng=rng, confidence=confidence)
+    return stratified_interval(np.asarray(values, float)[:, None], iqm)
 
 
-def stratified_interval(
-    scores: ArrayLike,
-    statistic: Statistic,
-    *,
-    rng: np.random.Generator | None = None,
-    confidence: float = CONFIDENCE,
-) -> tuple[float, float]:
+def stratified_interval(scores: ArrayLike, statistic: Statistic) -> tuple[float, float]:
     """Compute the interval of a statistic of scores `(runs, tasks)`, the runs of each task resampled (Agarwal et al. 2021)."""
     values = np.asarray(scores, float)
     runs, tasks = values.shape
-    rows = generator_or_fixed(rng).integers(runs, size=(RESAMPLES, runs, tasks))
+    rows = np.random.default_rng(0).integers(runs, size=(RESAMPLES, runs, tasks))
     resampled = values[rows, np.arange(tasks)]
-    low, high = _percentiles(statistic(resampled.reshape(RESAMPLES, -1), axis=1), runs, tasks * (runs - 1), confidence)
+    low, high = _percentiles(statistic(resampled.reshape(RESAMPLES, -1), axis=1), runs, tasks * (runs - 1))
     return float(low), float(high)
 
 
-def hierarchical_interval(groups: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def hierarchical_interval(groups: ArrayLike) -> tuple[float, float]:
     """Compute the interval of the mean over groups `(groups, values)` that are themselves a sample, as source seeds are.
 
     The groups' means are the sample: their spread holds that within them (Davison & Hinkley 1997, 3.8). Of one group it is the
     interval over its values.
     """
     values = np.asarray(groups, float)
-    return mean_interval(values[0] if len(values) == 1 else values.mean(axis=1), confidence=confidence)
+    return mean_interval(values[0] if len(values) == 1 else values.mean(axis=1))
 
 
 def crossed_interval(scores: ArrayLike, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
@@ -103,27 +95,17 @@ def crossed_interval(scores: ArrayLike, *, confidence: float = CONFIDENCE) -> tu
 
 
 def crossed_band(
-    curves: ArrayLike,
-    statistic: Statistic,
-    *,
-    rng: np.random.Generator | None = None,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
+    curves: ArrayLike, statistic: Statistic, *, resamples: int = RESAMPLES
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Compute the intervals of a statistic at every point of curves `(members, seeds, points)`, both resampled (Owen 2007)."""
     values = np.asarray(curves, float)
     members, seeds, points = values.shape
-    generator = generator_or_fixed(rng)
+    generator = np.random.default_rng(0)
     rows = generator.integers(members, size=(resamples, members, 1))
     columns = generator.integers(seeds, size=(resamples, 1, seeds))
     resampled = statistic(values[rows, columns].reshape(resamples, members * seeds, points), axis=1)
     fewest = min((size for size in (members, seeds) if size > 1), default=1)
-    return _percentiles(resampled, fewest, fewest - 1, confidence)
-
-
-def generator_or_fixed(rng: np.random.Generator | None) -> np.random.Generator:
-    """Return the caller's generator, or one that always gives the same."""
-    return np.random.default_rng(0) if rng is None else rng
+    return _percentiles(resampled, fewest, fewest - 1)
 
 
 def _student(mean: float, error: float, freedom: float, confidence: float) -> tuple[float, float]:
@@ -132,9 +114,9 @@ def _student(mean: float, error: float, freedom: float, confidence: float) -> tu
     return mean - half, mean + half
 
 
-def _percentiles(resampled: NDArray[np.float64], n: int, freedom: int, confidence: float) -> Any:  # noqa: ANN401
+def _percentiles(resampled: NDArray[np.float64], n: int, freedom: int) -> Any:  # noqa: ANN401
     """Compute both ends of statistics `(resamples, ...)`, moved outwards for small samples of `n` (Hesterberg 2015, 4.2)."""
-    tail = (1 - confidence) / 2
+    tail = (1 - CONFIDENCE) / 2
     if freedom > 0:
         tail = float(ndtr(np.sqrt(n / (n - 1)) * stdtrit(freedom, tail)))
     return np.quantile(resampled, [tail, 1 - tail], axis=0)

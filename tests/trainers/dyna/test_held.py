@@ -86,7 +86,7 @@ def test_transitions_of_elsewhere_are_joined_as_if_the_mean_of_their_actions_was
 
 
 def test_an_action_is_not_credited_with_what_others_did():
-    """Rewards are the actions, which take turns: held, neither would be worth anything; and whatever was held is worth itself."""
+    """Rewards are the actions: those that take turns are worth nothing together, and one that is held is worth itself."""
     time = torch.arange(12.0)[:, None]
     turns, held = 1.0 - 2.0 * (time % 2), torch.tensor([1.0] * 6 + [-1.0] * 6)[:, None]
     for action in (turns, held):

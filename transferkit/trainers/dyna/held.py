@@ -74,8 +74,8 @@ class Held:
 def held_transitions(batch: Batch, steps: int, discount: float) -> tuple[Batch, Tensor]:
     """Join all runs of `steps` transitions, fewer before a termination, as if the mean of their actions was held.
 
-    Where that very action was held it is exact, and to first order where others were. With them come their weights, the discount
-    to the power of the time since their episodes began.
+    It is exact where that very action was held, and to first order elsewhere. With them come their weights, the discount to the
+    power of the time since their episodes began.
     """
     following = (batch.next_observation[:-1] == batch.observation[1:]).all(-1) & (batch.terminated[:-1] == 0)
     goes_on = torch.cat((following, torch.zeros(1, dtype=torch.bool)))
