@@ -9,7 +9,7 @@ import torch
 
 from transferkit import derive_spec, evaluate, load_core, load_policy, load_subject, match, run_training
 from transferkit.budget import Budget
-from transferkit.config import TrainConfig, with_settings
+from transferkit.config import EnvConfig, TrainConfig, with_settings
 from transferkit.envs import VectorEnv, make_env
 from transferkit.errors import ConfigError, RunDirectoryError, UnknownNameError
 from transferkit.evaluation import Evaluation
@@ -125,3 +125,11 @@ def test_an_unfinished_run_holds_no_policy(tmp_path):
     (tmp_path / "run/policy.safetensors").write_bytes(b"no tensors")
     with pytest.raises(RunDirectoryError, match="is damaged"):
         load_policy(tmp_path / "run")
+
+
+def test_a_run_is_wrapped_onto_another_robot_of_the_same_dimensions(tmp_path):
+    config = TrainConfig("HalfCheetah-v5", steps=64, eval_episodes=1, env_config=EnvConfig(max_episode_steps=20))
+    run_training(config, out=tmp_path / "run")
+    named = {env: load_subject(str(tmp_path / "run"), env=env).wrapped for env in ("HalfCheetah-v5?vary.gear=2", "Walker2d-v5")}
+    assert named == {"HalfCheetah-v5?vary.gear=2": False, "Walker2d-v5": True}
+    assert not load_subject(str(tmp_path / "run"), env=make_env("HalfCheetah-v5")).wrapped

@@ -7,7 +7,7 @@ import torch
 
 from tests.runs import assert_same_run, interrupt_at
 from tests.toys import Counter
-from transferkit import load_core, load_policy, run_training, scratch_policy, train, wrap
+from transferkit import load_core, load_policy, load_subject, make_env, run_training, scratch_policy, train, wrap
 from transferkit.budget import Budget
 from transferkit.config import NetworkConfig, TrainConfig, with_settings
 from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, SettingError
@@ -188,6 +188,14 @@ def test_actions_reach_the_environment_clipped_or_not_as_the_preset_says(tmp_pat
         settings = {"env_config.clip_actions": clip}
         train(policy, lambda: Watched(5), Budget(steps=64), settings=settings, eval_episodes=1, out=tmp_path / str(clip))
         assert (max(seen) <= 1.0) == clip
+
+
+def test_the_rules_of_an_environment_that_was_made_are_those_of_its_run(tmp_path):
+    env = make_env("InvertedPendulum-v5", max_episode_steps=3, clip_actions=False)
+    result = train(scratch_policy(env), env, Budget(steps=64), eval_episodes=1, out=tmp_path / "run")
+    again = load_subject(str(tmp_path / "run"))
+    assert (result.eval_return_mean, again.env) == (3.0, "InvertedPendulum-v5")
+    assert (again.max_episode_steps, again.clip_actions) == (3, False)
 
 
 def test_a_device_that_is_not_there_is_refused(tmp_path):

@@ -39,6 +39,7 @@ from transferkit.run import (
     Session,
     check_free,
     check_same,
+    is_run,
     read_beside,
     read_record,
 )
@@ -117,7 +118,7 @@ class Job:
         return replace(self, probation=found, policy=scratch)
 
     def _is_recorded(self, *, resume: bool) -> bool:
-        return resume and (self.out / RECORD).exists()
+        return resume and is_run(self.out)
 
     def _is_under_way(self, *, resume: bool) -> bool:
         return resume and ((self.out / CHECKPOINT).exists() or (self.out / RESULT).exists())
@@ -165,7 +166,10 @@ class Job:
         with damaged_run(self.out / RECORD):
             before["policy"] = _complete(migrated_blueprint(read_beside(recorded).policy))
         made_of = {name: _known(value, before.get(name, value)) for name, value in made_of.items()}
-        check_same(self.out, _but_budget(before), _but_budget(identity(self.config) | made_of))
+        now = identity(self.config) | made_of
+        if now["core_digest"] and now["core_digest"] == before.get("core_digest"):  # whatever its folder is called today
+            before["core"] = now["core"]
+        check_same(self.out, _but_budget(before), _but_budget(now))
         return RunDirectory.resume(self.out, self._budget())
 
     def trainer(self, prior: Transitions | None, *, compiled: bool) -> Trainer:
@@ -278,7 +282,7 @@ def match_of(run: Path) -> Match | None:
     Raises:
         RunDirectoryError: its record is damaged.
     """
-    if not (run / RECORD).exists():
+    if not is_run(run):
         return None
     with damaged_run(run / RECORD):
         plan = plan_of(read_beside(read_record(run)).policy)

@@ -15,7 +15,7 @@ from transferkit.evaluation import evaluate
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.saved import load_components, load_policy
-from transferkit.run import RECORD, check_same, read_record
+from transferkit.run import check_same, is_run, read_record
 from transferkit.training import RUNS, run_training
 from transferkit.workers import worker_pool
 from transferkit.zoo.card import SCORE_EPISODES, SCORE_SEED
@@ -120,7 +120,7 @@ def _train_members(recipe: Recipe, config: TrainConfig) -> list[Result]:
 
 def _check_budget(config: TrainConfig, out: Path) -> None:
     """Refuse a member that began with another budget: one that was given more later is not what the card's command makes."""
-    if (out / RECORD).exists():
+    if is_run(out):
         check_same(out, given_limits(read_record(out)), given_limits(asdict(config)))
 
 

@@ -31,6 +31,9 @@ grows by the same in every step; of what is `unknown` nothing can be said."""
 MOST = 4096
 """Elements of an observation or an action, and joints."""
 
+DRIVE = "drive."
+"""What the name of an actuator begins with, before that of its joint."""
+
 ACTED = ".action"
 """Follows an actuator's name in that of the element which says what it was told."""
 
@@ -160,6 +163,18 @@ class IOSpec:
     def act_dim(self) -> int:
         """Length of the action vector."""
         return len(self.action)
+
+    def has_the_numbers_of(self, other: IOSpec) -> bool:
+        """Whether both observe and take the same in the same order, on robots whose joints have the same names."""
+        one, two = (
+            (
+                [(element.name, element.quantity, element.joints) for element in spec.observation],
+                [(actuator.name, actuator.model_name) for actuator in spec.action],
+                [(joint.name, joint.model_name) for joint in spec.joints],
+            )
+            for spec in (self, other)
+        )
+        return one == two
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON-ready data."""

@@ -1,4 +1,4 @@
-"""What can be recorded or exported: a finished run's policy, or a core."""
+"""What can be played, evaluated, recorded, distilled or exported: a finished run's policy, or a core."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 from transferkit.config import EnvConfig, TrainConfig
 from transferkit.config.checks import check_kind
-from transferkit.envs import dims_of, id_from_file
+from transferkit.env_id import EnvId
+from transferkit.envs import derive_spec, dims, id_from_file, is_written, opened, written
 from transferkit.errors import ConfigError, RunDirectoryError, TransferkitError, UnknownNameError
 from transferkit.evaluation import DEFAULT_EPISODES, evaluate
 from transferkit.files import damaged_run
@@ -21,11 +22,12 @@ from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
 from transferkit.policy.saved import load_policy, load_saved, policy_file
 from transferkit.record.play import Subject
-from transferkit.run import RECORD, read_beside, read_record
+from transferkit.run import is_run, read_beside, read_record
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough
 from transferkit.zoo.artifact import load_core
 from transferkit.zoo.catalog import find_card
+from transferkit.zoo.run_core import kept_spec
 
 if TYPE_CHECKING:
     from transferkit.envs import EnvLike
@@ -44,7 +46,8 @@ def load_subject(
     Args:
         name: a run directory, or a core's id or folder.
         env: the environment to play in, in any form; by default the run's, if a record can make it again, or the core's source.
-            A run plays as it is where its dimensions fit, and is wrapped as a core where they do not.
+            A run plays as it is where that is its own, perhaps changed, or has the same numbers in the same order, and is
+            wrapped as a core elsewhere.
         member: of a core; by default the first.
         best: of a run: the best policy that its evaluations found, instead of the final one.
         values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
@@ -55,10 +58,10 @@ def load_subject(
         UnknownNameError: neither a run nor a core has this name.
     """
     check_kind("name", name, (str, Path), "give a run's folder, or a core's id or folder")
-    if (Path(name) / RECORD).exists():
+    if is_run(name):
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
-        if env is None or dims_of(env) == _dims(load_policy(name)):
+        if env is None or _plays_as_it_is(Path(name), env):
             return _run_subject(Path(name), env, best=best, values=values)
     if best:
         raise ConfigError(f"{name} has no best policy here", remedy="leave out {best}: it is of a run in its own environment")
@@ -76,17 +79,28 @@ def load_subject(
     return Subject(wrap(core, env, member=member), env, wrapped=True, about=about)
 
 
+def _plays_as_it_is(run: Path, env: EnvLike) -> bool:
+    policy, record = load_policy(run), read_record(run)
+    own = TrainConfig.from_json(record).env
+    with opened(env) as made:
+        size, named = dims(made), env if isinstance(env, str) else written(made.env)
+    if size != (policy.obs_dim, policy.act_dim):
+        return False
+    if is_written(named) and is_written(own) and EnvId.read(named).id == EnvId.read(own).id:
+        return True
+    spec = kept_spec(policy, record)
+    if spec is None and not is_written(own):  # of an earlier version, of which nothing is known
+        return True
+    return (spec or derive_spec(id_from_file(own, run, named))).has_the_numbers_of(derive_spec(env))
+
+
 def source_spec(name: str) -> IOSpec:
     """The meaning of what a core takes and gives, or a finished run's policy.
 
     Raises:
         UnknownNameError: neither a run nor a core has this name.
     """
-    return load_core(name).spec if (Path(name) / RECORD).exists() else find_card(name).source
-
-
-def _dims(policy: Policy) -> tuple[int, int]:
-    return policy.obs_dim, policy.act_dim
+    return load_core(name).spec if is_run(name) else find_card(name).source
 
 
 def home_of(name: str) -> str:
@@ -96,7 +110,7 @@ def home_of(name: str) -> str:
         EnvironmentContractError: it is not in writing, or needs a module.
         UnknownNameError: neither a run nor a core has this name.
     """
-    if (Path(name) / RECORD).exists():
+    if is_run(name):
         return id_from_file(TrainConfig.from_json(read_record(Path(name))).env, name)
     return id_from_file(find_card(name).source.env_id, name)
 

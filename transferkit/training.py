@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, check_read, preset_family, with_settings
 from transferkit.config.checks import check_kind
-from transferkit.envs import copies_of, recorded
+from transferkit.envs import copies_of, recorded, rules_of
 from transferkit.job import Job, match_of
 from transferkit.nn import one_thread
 from transferkit.policy.base import Policy
@@ -119,8 +119,9 @@ def train(
         **{"algo": algo, "preset": preset, "seed": seed, "device": device, "compile": compile},
         **{"eval_episodes": eval_episodes, "eval_every": eval_every, "stop_at": stop_at},
     )
-    config = with_settings(config, settings or {})
-    check_read(config, settings or {}, ready=True)
+    given = {f"env_config.{name}": value for name, value in rules_of(env).items()} | dict(settings or {})
+    config = with_settings(config, given)
+    check_read(config, given, ready=True)
     with one_thread():
         job = Job(config, policy, copies_of(env), default_directory(config) if out is None else Path(out), core)
         return _run(job, resume=resume, report=report)

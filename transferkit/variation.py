@@ -171,6 +171,8 @@ def _places(name: str, value: Any) -> tuple[Place, ...]:  # noqa: ANN401 - JSON
 
 def _plain_value(value: Any) -> Any:  # noqa: ANN401
     """A number or a list of what numpy has."""
+    if isinstance(value, list | tuple):
+        return [_plain_value(inner) for inner in value]
     return value.tolist() if hasattr(value, "tolist") else value
 
 

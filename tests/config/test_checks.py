@@ -3,10 +3,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
+import numpy as np
 import pytest
 
 from transferkit.config import ModelConfig, NetworkConfig
-from transferkit.config.checks import Items, Range, check
+from transferkit.config.checks import AT_LEAST_ONE, Items, Range, check, check_value
 from transferkit.errors import SettingError
 
 
@@ -89,6 +90,16 @@ def test_what_does_not_fit_names_the_setting_the_value_and_what_is_allowed(name,
         check(Sample(**{name: value}), "part")
     error = caught.value
     assert (error.what, error.value, error.allowed) == (f"part.{name}", pytest.approx(value, nan_ok=True), wanted)
+
+
+def test_numbers_of_numpy_become_pythons():
+    sample = Sample(count=np.int64(3), number=np.float32(0.5), flag=np.bool_(True))
+    check(sample)
+    found = (sample.count, sample.number, sample.flag)
+    assert (found, [*map(type, found)]) == ((3, 0.5, True), [int, float, bool])
+    check_value("episodes", np.int64(2), Annotated[int, AT_LEAST_ONE])
+    with pytest.raises(SettingError, match="must be a whole number"):
+        check(Sample(count=np.array([1, 2])))
 
 
 @pytest.mark.parametrize("kind", [NetworkConfig, ModelConfig])

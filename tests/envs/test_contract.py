@@ -6,10 +6,11 @@ from typing import get_args
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.wrappers import TimeLimit
 
 import envs_dmc
 from envs_dmc.suite import MODEL_SEED, suite, without_rendering
-from transferkit.envs import VectorEnv, derive_spec, environment_ids, episode_limit, make_env, time_step
+from transferkit.envs import VectorEnv, derive_spec, environment_ids, episode_limit, is_written, make_env, recorded, time_step
 from transferkit.reading import parse
 from transferkit.spec import IOSpec, Quantity
 
@@ -120,6 +121,8 @@ def test_a_limit_of_its_own_is_known_and_outlives_other_rules():
     again = make_env(made, clip_actions=False)
     assert (episode_limit(made), episode_limit(again), again.clip) == (3, 3, False)
     assert episode_limit(make_env("InvertedPendulum-v5", max_episode_steps=5000)) == 1000
+    longer = TimeLimit(gymnasium.make("InvertedPendulum-v5"), 5000)
+    assert (episode_limit(longer), is_written(recorded(longer))) == (1000, False)
 
 
 @pytest.mark.parametrize("env_id", [env_id for env_id in IDS if not env_id.startswith("dm_control/")])

@@ -9,7 +9,7 @@ import pytest
 
 from envs_dmc.suite import suite
 from tests.envs.own import MODELS, Plain, PreviousAction
-from transferkit import derive_spec, make_env, vary
+from transferkit import derive_spec, make_env, match, vary
 from transferkit.envs import VectorEnv, recorded
 from transferkit.envs.model_edits import edited
 from transferkit.errors import ConfigError, UnknownNameError
@@ -234,3 +234,25 @@ def test_what_is_varied_under_the_contract_stays_under_its_rules():
     limited = vary(make_env("InvertedPendulum-v5", max_episode_steps=50, clip_actions=False), mass=2)
     assert (make_env(limited).max_episode_steps, make_env(limited).clip) == (50, False)
     assert recorded(vary(limited, gear=2)) == "InvertedPendulum-v5?vary.mass=2.0&vary.gear=2.0"
+
+
+def test_actuators_are_named_as_they_are_shown_though_the_model_has_no_names_for_them():
+    for change in ({"dead_actuator": ["drive.hinge_y2"]}, {"gear": {"drive.hinge_y2": 0.5}}):
+        gears = [one.gear for one in derive_spec(vary("Hopper-v5", **change)).action]
+        known = [one.gear for one in derive_spec("Hopper-v5").action]
+        factor = 0.0 if "dead_actuator" in change else 0.5
+        assert gears == pytest.approx([known[0] * factor, *known[1:]])
+    with pytest.raises(UnknownNameError, match="known are actuator0, thigh_joint"):
+        vary("Hopper-v5", gear={"hip": 2.0})
+
+
+def test_a_family_that_is_made_is_called_by_its_id():
+    family = "Hopper-v5?vary.mass=[0.7,1.3]"
+    assert derive_spec(vary("Hopper-v5", mass=np.array([0.7, 1.3]))).env_id == derive_spec(family).env_id == family
+
+
+def test_a_pole_that_gravity_pulls_up_hangs():
+    (upright,) = (joint for joint in derive_spec("InvertedPendulum-v5").joints if joint.type == "hinge")
+    (hanging,) = (joint for joint in derive_spec("InvertedPendulum-v5?vary.gravity=-1").joints if joint.type == "hinge")
+    assert hanging.rest == (upright.rest[0], upright.rest[1], -upright.rest[2])
+    assert "hinge_y" not in match("InvertedPendulum-v5", "InvertedPendulum-v5?vary.gravity=-1").copies[0].joints

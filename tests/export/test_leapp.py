@@ -168,6 +168,19 @@ def test_a_servo_is_not_written_as_a_motor(tmp_path):
     assert not list(tmp_path.glob("a.*"))
 
 
+def test_names_that_would_stand_for_several_numbers_are_refused(tmp_path):
+    tree = ET.parse(ASSETS / "inverted_pendulum.xml")
+    ET.SubElement(tree.find("actuator"), "motor", joint="slider", gear="-3", ctrlrange="-1 1")
+    tree.write(tmp_path / "two.xml")
+    for env, why in (
+        ("Ant-v5", "joint root is free"),
+        (f"InvertedPendulum-v5?xml_file={tmp_path / 'two.xml'}", "joint slider"),
+    ):
+        with pytest.raises(ConfigError, match=why):
+            export_leapp(lively(env), tmp_path / "a.yaml")
+    assert not list(tmp_path.glob("a.*"))
+
+
 def test_a_policy_that_acts_more_rarely_than_it_remembers_is_refused(tmp_path):
     subject = lively("InvertedPendulum-v5?vary.frames=2")
     subject.policy.hold = 2

@@ -55,6 +55,8 @@ def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core
         ("copies:", "length: -1\ncopies:", "its length is -1.0, and must be greater than 0"),
         ("copies:", "hold: &a [1]\nlength: &b [*a]\ncopies:", "its references stand for more than is read"),
         ("copies:", "copies: [", "the match .* is none: not YAML"),
+        ("actions:", "inputs: {hinge_y.position: {}}\n  actions:", "core input hinge_y.position reads nothing in the match"),
+        ("-1.0", "0.0", "joint hinge_y reads nothing in the match; leave it out"),
     ],
 )
 def test_a_slip_in_a_file_is_one_line(tmp_path, untrained_core, old, new, message):

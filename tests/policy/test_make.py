@@ -8,10 +8,17 @@ import torch
 
 from tests.policy.cores import random_core
 from tests.toys import Counter
-from transferkit import Budget, evaluate, load_core, load_policy, load_subject, match, train, wrap
+from transferkit import Budget, distill, evaluate, health, load_core, load_policy, load_subject, make_env, match, train, wrap
 from transferkit.config import PRESETS, NetworkConfig, TrainConfig
 from transferkit.envs import derive_spec
-from transferkit.errors import ConfigError, DimensionError, EnvironmentContractError, SettingError, UnknownNameError
+from transferkit.errors import (
+    ConfigError,
+    DimensionError,
+    EnvironmentContractError,
+    SettingError,
+    TransferkitError,
+    UnknownNameError,
+)
 from transferkit.matching import load_match, save_match
 from transferkit.nn import PolicyNet
 from transferkit.policy.blueprints import build
@@ -201,12 +208,20 @@ def test_what_is_no_match_a_setting_or_a_folder_is_said():
         (lambda: wrap(core, "InvertedDoublePendulum-v5", match=5), "match is of type int and not str or Path or Pairing"),
         (lambda: train(policy, "InvertedPendulum-v5", budget, settings={5: 3}), "a setting's name is of type int"),
         (lambda: train(policy, "InvertedPendulum-v5", budget, out=5), "out is of type int"),
+        (lambda: train(policy, "InvertedPendulum-v5", budget, out="a\0b"), "no folder has a name with a null character"),
+        (lambda: train(policy, "InvertedPendulum-v5", budget, out="a" * 300), "File name too long"),
         (lambda: load_core(None), "name is of type NoneType"),
+        (lambda: load_core("a" * 5000), "unknown core 'aaa"),
+        (lambda: load_subject("a" * 5000), "unknown run or core 'aaa"),
+        (lambda: wrap(core, "InvertedPendulum-v5", member=True), "member=True must be 0 to"),
+        (lambda: health(policy, "InvertedPendulum-v5", steps=0), "steps=0 must be at least 1"),
+        (lambda: distill("inverted-pendulum-v1", "InvertedPendulum-v5", {}), "recipe is of type dict and not DistillConfig"),
+        (lambda: make_env("InvertedPendulum-v5?frame_skip=-1"), "frame_skip of InvertedPendulum-v5=-1 must be at least 1"),
         (lambda: load_policy(5), "run_dir is of type int"),
         (lambda: load_subject(None), "name is of type NoneType"),
         (lambda: evaluate(core, "InvertedPendulum-v5"), "policy is of type Core and cannot act"),
         (lambda: save_match(None, "x.yaml"), "pairing is of type NoneType"),
         (lambda: load_match(5), "path is of type int"),
     ):
-        with pytest.raises(ConfigError, match=message):
+        with pytest.raises(TransferkitError, match=message):
             call()

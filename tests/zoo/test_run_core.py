@@ -2,6 +2,7 @@
 
 import hashlib
 import shutil
+from functools import partial
 
 import pytest
 import torch
@@ -223,3 +224,15 @@ def test_a_run_that_goes_on_has_no_final_policy_yet(tmp_path):
     for load in (load_policy, load_core, load_subject):
         with pytest.raises(RunDirectoryError, match="finish"):
             load(run)
+
+
+def test_a_core_is_the_same_whatever_its_folder_is_called(tmp_path):
+    run_training(small(), out=tmp_path / "core")
+    around = partial(small, IDP, settings={"wrap.probation": 0})
+    run_training(around(core=str(tmp_path / "core")), out=tmp_path / "run")
+    (tmp_path / "core").rename(tmp_path / "moved")
+    more = around(core=str(tmp_path / "moved"), steps=150)
+    assert run_training(more, out=tmp_path / "run", resume=True).steps == 150
+    other = around(core=CORE, steps=200)
+    with pytest.raises(RunDirectoryError, match=r"core is .* there and 'inverted-pendulum-v1' here"):
+        run_training(other, out=tmp_path / "run", resume=True)

@@ -81,6 +81,8 @@ def check(config: object, section: str = "") -> None:
         SettingError: a value has another type, is not among the choices, or is out of its range.
     """
     for name, hint in _hints(type(config)).items():
+        if (value := plain(own := getattr(config, name))) is not own:
+            object.__setattr__(config, name, value)  # of a frozen one that is being made
         check_value(f"{section}.{name}" if section else name, getattr(config, name), hint)
 
 
@@ -107,6 +109,7 @@ def check_kind(name: str, value: object, kind: type | tuple[type, ...], remedy: 
 
 def unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any object
     """What a value must be instead; empty if it fits its type hint."""
+    value = plain(value)
     kind, arguments = get_origin(hint), get_args(hint)
     if kind in (Union, types.UnionType):
         return "" if any(not unfit(value, one) for one in arguments) else unfit(value, arguments[0])
@@ -120,6 +123,11 @@ def unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any
     if kind is not None:
         return "" if isinstance(value, kind) else "a table of names and values"
     return _unfit_plain(value, hint)
+
+
+def plain(value: Any) -> Any:  # noqa: ANN401 - of anybody's
+    """Python's number, if it is numpy's."""
+    return value.item() if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0 else value
 
 
 WORDS = {int: "a whole number", float: "a number", bool: "true or false", str: "a string", type(None): "none"}

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from transferkit.config import TrainConfig
+from transferkit.config.checks import check_kind
+from transferkit.distillation.config import DistillConfig
 from transferkit.distillation.rounds import Rounds
 from transferkit.distillation.teacher import Beside, teacher_in, watch
 from transferkit.envs import copies_of, derive_spec
@@ -19,7 +21,7 @@ from transferkit.evaluation import evaluate
 from transferkit.files import writing
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.policy.core import Core, stack_members
-from transferkit.run import RECORD
+from transferkit.run import is_run
 from transferkit.training import RUNS
 from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED
 from transferkit.zoo.catalog import find_card
@@ -27,7 +29,6 @@ from transferkit.zoo.release import new_card, new_folder, release, scored
 
 if TYPE_CHECKING:
     from transferkit.budget import Spent
-    from transferkit.distillation.config import DistillConfig
     from transferkit.envs import EnvLike
     from transferkit.policy.base import ScratchPolicy
     from transferkit.run import Report
@@ -74,6 +75,7 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
         ConfigError: the teacher cannot act within this environment, or the folder cannot be written.
         UnknownNameError: neither a run nor a core has this name.
     """
+    check_kind("recipe", recipe, DistillConfig, "make one, such as DistillConfig('mine')")
     new_folder(recipe.folder.parent, recipe.folder.name)
     members = _members(teacher, recipe)
     work = RUNS / "distill" / recipe.folder.name
@@ -96,7 +98,7 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
 
 def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
     if not _has_card(teacher):
-        if recipe.members and (Path(teacher) / RECORD).exists():
+        if recipe.members and is_run(teacher):
             raise ConfigError(f"run {teacher} has no members", remedy="leave out {members}")
         return recipe.members or [None]
     known = range(len(find_card(teacher).seeds))
@@ -108,7 +110,7 @@ def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
 
 def _has_card(teacher: str) -> bool:
     """Whether it is a core of a zoo, and no run and no file of another library."""
-    return not ((Path(teacher) / RECORD).exists() or Path(teacher).is_file())
+    return not (is_run(teacher) or Path(teacher).is_file())
 
 
 def _student(

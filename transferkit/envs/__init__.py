@@ -1,7 +1,7 @@
 """Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
 from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, solved_return, time_step
-from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, vary
+from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, rules_of, vary
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
@@ -35,6 +35,7 @@ __all__ = [
     "opened",
     "recorded",
     "rollout",
+    "rules_of",
     "solved_return",
     "time_step",
     "vary",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from transferkit.envs.forms import digits_of
 from transferkit.envs.labels import unique
 from transferkit.physics import mujoco
-from transferkit.spec import Actuator
+from transferkit.spec import DRIVE, Actuator
 
 if TYPE_CHECKING:
     from transferkit.envs.evidence import Responses
@@ -63,7 +63,7 @@ def _actuator(
     force = _steepest([(share, look.force[dof] - none.force[dof]) for share, look in looks])
     acceleration = _steepest([(share, look.acceleration[dof] - none.acceleration[dof]) for share, look in looks])
     return Actuator(
-        f"drive.{joint.name}",
+        DRIVE + joint.name,
         model_name,
         joint.name,
         low,

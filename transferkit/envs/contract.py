@@ -13,9 +13,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
+from gymnasium.wrappers import TimeLimit
 from numpy.typing import NDArray
 
-from transferkit.envs.layers import bounds
+from transferkit.envs.layers import bounds, layers_of
 from transferkit.envs.written import name_of
 from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError
 
@@ -181,6 +182,8 @@ def episode_limit(env: gymnasium.Env) -> int | None:
     """Control steps until the environment truncates; None if it never does."""
     given = [env.max_episode_steps] if isinstance(env, Contract) else []
     given.append(getattr(env.unwrapped, "episode_limit", None) if env.spec is None else env.spec.max_episode_steps)
+    limited = [layer.spec for layer in layers_of(env) if isinstance(layer, TimeLimit)]
+    given += [spec.max_episode_steps for spec in limited if spec is not None]
     limits = [limit for limit in given if limit is not None]
     for limit in limits:
         if not isinstance(limit, Integral) or limit < 1:

@@ -47,6 +47,8 @@ def _joint(
 ) -> Joint:
     body = int(model.jnt_bodyid[j])
     rest = data.subtree_com[body] - data.xanchor[j]
+    if model.opt.gravity[2] > 0:  # what is above then hangs
+        rest = rest * (1.0, 1.0, -1.0)
     length = float(np.linalg.norm(rest)) if type_ == "hinge" else 0.0
     return Joint(
         name=name,

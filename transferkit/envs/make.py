@@ -153,6 +153,15 @@ def recorded(env: EnvLike) -> str:
             return name if _same_model(made, again) else f"<{name}, changed>"
 
 
+def rules_of(env: EnvLike) -> dict[str, Any]:
+    """The rules of `make_env` under which an environment was made that are not its defaults."""
+    if isinstance(env, str):
+        return {}
+    with opened(env) as made:
+        rules = {"clip_actions": (made.clip, True), "max_episode_steps": (made.max_episode_steps, None)}
+    return {name: value for name, (value, usual) in rules.items() if value != usual}
+
+
 def dims_of(env: EnvLike) -> tuple[int, int]:
     """As `dims`, of an environment in any form."""
     with opened(env) as made:
@@ -195,7 +204,13 @@ def _same_model(env: gymnasium.Env, other: gymnasium.Env) -> bool:
 
 def _check_room(space: gymnasium.Space, name: str) -> None:
     assert isinstance(space, Box)
-    for k in np.flatnonzero(space.low >= space.high):
+    with np.errstate(over="ignore"):
+        room = space.high.astype(float) - space.low.astype(float)
+    for k in np.flatnonzero(np.isinf(room)):
+        raise EnvironmentContractError(
+            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}, too far apart", topic="environments"
+        )
+    for k in np.flatnonzero(room <= 0):
         raise EnvironmentContractError(
             f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g} and cannot do anything",
             remedy="give its actuator a ctrlrange in the model",

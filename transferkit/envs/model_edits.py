@@ -98,8 +98,13 @@ def _stretch(geom: Any, anchor: NDArray[np.float64], factor: float) -> None:  # 
 
 
 def _gear(spec: mujoco.MjSpec, part: str, factor: float) -> None:
-    for actuator in _parts("gear", part, spec.actuators, lambda one: (one.name, one.target)):
+    for actuator in _actuators(spec, part):
         actuator.gear = actuator.gear * factor
+
+
+def _actuators(spec: mujoco.MjSpec, part: str) -> list[Any]:
+    """All actuators, or those of a name or on a joint; one without a name is called by its number, as in `envs show`."""
+    return _parts("gear", part, spec.actuators, lambda one: (one.name or f"actuator{one.id}", one.target))
 
 
 def _damping(spec: mujoco.MjSpec, part: str, factor: float) -> None:
@@ -150,7 +155,7 @@ def _dead(spec: mujoco.MjSpec, places: Sequence[Place]) -> list[Any]:
                 raise ConfigError("dead_actuator", value=place, allowed=f"0 to {len(spec.actuators) - 1}", topic="variations")
             chosen.append(spec.actuators[place])
         else:
-            chosen += _parts("gear", place, spec.actuators, lambda one: (one.name, one.target))
+            chosen += _actuators(spec, place)
     return chosen
 
 

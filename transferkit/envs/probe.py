@@ -80,9 +80,11 @@ def _derive(env: EnvLike) -> IOSpec:
                 name,
             )
         try:
-            with undisturbed(made), nominal(made):
-                made.reset(seed=0)
-                return _spec(made, recorded(env if isinstance(env, str) else made))
+            with undisturbed(made):
+                env_id = recorded(env if isinstance(env, str) else made)
+                with nominal(made):
+                    made.reset(seed=0)
+                    return _spec(made, env_id)
         except TransferkitError:
             raise
         except Exception as error:

@@ -9,10 +9,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
 
+from transferkit.config.checks import AT_LEAST_ONE, Range, unfit
 from transferkit.env_id import EnvId
 from transferkit.envs.contract import failed
 from transferkit.envs.vary import Varied
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 DM_CONTROL_PREFIX = "dm_control/"
 
-MOST_REPEATS = 1000
+FROM_FILE = Range(1, 1000)
 """Physics steps of a control step that an id from a file may ask for."""
 
 
@@ -88,10 +89,13 @@ def id_from_file(env_id: str, source: str | Path, named: str | None = None, *, o
             f"{source} names the environment {env_id}, which runs the module {given.id.partition(':')[0]}",
             remedy=f"if you trust that, name it yourself: {{env={env_id}}}",
         )
-    repeats = given.kwargs.get("frame_skip", 1)
-    if not isinstance(repeats, int) or not 1 <= repeats <= MOST_REPEATS:
-        raise EnvironmentContractError(f"frame_skip of {env_id}", value=repeats, allowed=f"1 to {MOST_REPEATS}")
+    _check_repeats(given, FROM_FILE)
     return env_id
+
+
+def _check_repeats(given: EnvId, repeats: Range) -> None:
+    if wanted := unfit(given.kwargs.get("frame_skip", 1), Annotated[int, repeats]):
+        raise EnvironmentContractError(f"frame_skip of {given.id}", value=given.kwargs["frame_skip"], allowed=wanted)
 
 
 def names_module(env_id: str) -> bool:
@@ -131,6 +135,7 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
         return Varied(_from_id(plain, render_mode), dict(given.variation), lambda: _from_id(plain, None))
     kwargs: dict[str, Any] = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
     _check_files(text, kwargs)
+    _check_repeats(given, AT_LEAST_ONE)
     if given.id.startswith(DM_CONTROL_PREFIX):
         return _from_suite(text, given.id, kwargs)
     module, colon, name = given.id.partition(":")

@@ -22,6 +22,7 @@ from transferkit.envs.model_edits import compiled, edited
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
 from transferkit.physics import mujoco
+from transferkit.spec import DRIVE
 from transferkit.variation import Variation, draw
 
 if TYPE_CHECKING:
@@ -54,8 +55,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         self._model = _Model(env, again) if changes_model else None
         spec = _spec(env) if self._by_name else None
         self._names = [] if spec is None else [element.name for element in spec.observation]
-        drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
-        self._dead = [drives.get(str(place), place) for place in self.variation.dead_actuator]
+        self._drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
         size = _size(env)
         moved, dropped = (
             [self._index(place, name) for place in getattr(self.variation, name)]
@@ -104,13 +104,17 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
     def _by_name(self) -> bool:
         changed = self.variation
         places = (*changed.permute_observation, *changed.drop_observation, *changed.dead_actuator)
-        return any(self.variation.noise) or any(isinstance(place, str) for place in places)
+        gears = (part.startswith(DRIVE) for part in changed.factors.get("gear", ()))
+        return any(changed.noise) or any(isinstance(place, str) for place in places) or any(gears)
 
     def _begin(self, seed: int | None) -> None:
         if seed is not None or not hasattr(self, "_rng"):
             self._rng = np.random.default_rng([zlib.crc32(b"variation"), seed or 0])
         if self._model is not None and (self.variation.drawn or not self._model.changed):
-            self._model.change(self.variation.nominal() if self.nominal else self.variation.draw(self._rng), self._dead)
+            factors = self.variation.nominal() if self.nominal else self.variation.draw(self._rng)
+            own = {self._drives.get(part, part): factor for part, factor in factors.get("gear", {}).items()}
+            dead = [self._drives.get(str(place), place) for place in self.variation.dead_actuator]
+            self._model.change(factors | {"gear": own}, dead)
         low, high = (int(end) for end in self.variation.delay)
         self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
         self._deviation = np.zeros(_size(self.env))

@@ -80,8 +80,9 @@ def _arguments(spec: EnvSpec) -> dict[str, Any] | None:
 
 
 def _bare(env: gymnasium.Env) -> bool:
-    """Whether nobody but `gymnasium.make` has wrapped it."""
-    return all(isinstance(layer, BY_MAKE) for layer in layers_of(env)[:-1])
+    """Whether nobody but `gymnasium.make` has wrapped it, which limits its episodes once."""
+    kinds = [type(layer) for layer in layers_of(env)[:-1]]
+    return set(kinds) <= {*BY_MAKE} and kinds.count(wrappers.TimeLimit) <= 1
 
 
 def _plain(value: Any) -> object:  # noqa: ANN401 - what json cannot write

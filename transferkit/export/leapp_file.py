@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ from transferkit.files import check_new, new_file
 from transferkit.record.play import Subject
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from transferkit.envs import EnvLike
     from transferkit.spec import IOSpec
@@ -57,6 +58,11 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
         raise ConfigError(
             f"actuator {servo} has gains or a state of its own, and a torque is not what it takes", remedy="leave out {leapp}"
         )
+    joints = {joint.name: joint.model_name for joint in spec.joints}
+    if (shared := _repeated(joints.values())) is not None:
+        raise ConfigError(f"joint {shared} is free: LEAPP names its numbers all alike", remedy="leave out {leapp}")
+    if (shared := _repeated(joints[str(actuator.joint)] for actuator in spec.action)) is not None:
+        raise ConfigError(f"several actuators drive joint {shared}: LEAPP has one torque for it", remedy="leave out {leapp}")
     if subject.policy.hold > 1 and any(element.age for element in spec.observation):
         raise ConfigError(
             f"the policy acts once in {subject.policy.hold} control steps and sees single earlier ones: LEAPP cannot say it",
@@ -71,6 +77,10 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     with new_file(path, "leapp") as temporary:
         temporary.write_text(_text(_described(deployed, spec, network.name, data, subject.policy.hold)))
     return network
+
+
+def _repeated(names: Iterable[str]) -> str | None:
+    return next((name for name, count in Counter(names).items() if count > 1), None)
 
 
 def _servo(env: EnvLike, spec: IOSpec) -> str | None:

@@ -74,7 +74,7 @@ def check_match(pairing: Pairing, source: IOSpec, target: IOSpec) -> None:
     """Compare a match with the specs of a core and of a target.
 
     Raises:
-        ConfigError: it is of other environments.
+        ConfigError: it is of other environments, or has something that reads nothing.
         UnknownNameError: it names a joint, an actuator or an element that is not there.
     """
     for side, named, spec in (("source", pairing.source, source), ("target", pairing.target, target)):
@@ -99,6 +99,10 @@ def _check_copy(copy: Copy, source: IOSpec, target: IOSpec) -> None:
     _check_names("actuator of the source in the match", _inner(copy.actions), actuators)
     _check_names("core input in the match", copy.inputs, inputs)
     _check_names("element of the target in the match", _inner(copy.inputs), elements)
+    for kind, combinations in (("joint", copy.joints), ("core input", copy.inputs)):
+        for name, combination in combinations.items():
+            if not any(combination.values()):
+                raise ConfigError(f"{kind} {name} reads nothing in the match", remedy="leave it out", topic="matches")
 
 
 def _inner(combinations: dict[str, Combination]) -> list[str]:

@@ -96,7 +96,7 @@ class Core:
         return Ensemble(self.ensembles[name])
 
     def _of(self, component: str, member: int) -> dict[str, Tensor]:
-        if not isinstance(member, Integral) or not 0 <= member < len(self.seeds):
+        if not isinstance(member, Integral) or isinstance(member, bool) or not 0 <= member < len(self.seeds):
             raise SettingError("member", value=member, allowed=f"0 to {len(self.seeds) - 1} for core {self.id}")
         return {name: tensor[member] for name, tensor in self.components[component].items()}
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from transferkit.config.checks import check_kind
+from transferkit.config.checks import AT_LEAST_ONE, check_kind, check_value
 from transferkit.envs import dims_of, name_of, opened, rollout
 from transferkit.errors import ConfigError
 from transferkit.nn import MLP, gaussian
@@ -71,9 +71,10 @@ def health(policy: Policy, env: EnvLike, *, steps: int = 500, seed: int = 0) -> 
         seed: of the play and of the sampled actions.
 
     Raises:
-        ConfigError: no policy, or one of other dimensions.
+        ConfigError: no policy, one of other dimensions, or no step.
     """
     check_kind("policy", policy, Policy, "make one with wrap or scratch_policy")
+    check_value("steps", steps, Annotated[int, AT_LEAST_ONE])
     if not {"core", "network"} & policy.parts().keys():
         raise ConfigError(f"a {type(policy).__name__} has no network to measure", remedy="make one with wrap or scratch_policy")
     policy.check_fits(dims_of(env), env if isinstance(env, str) else name_of(env))

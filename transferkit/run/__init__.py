@@ -9,6 +9,7 @@ from transferkit.run.directory import (
     RunDirectory,
     check_free,
     check_same,
+    is_run,
     read_beside,
     read_record,
 )
@@ -46,6 +47,7 @@ __all__ = [
     "check_same",
     "finished_result",
     "goes_on",
+    "is_run",
     "load_state",
     "read_beside",
     "read_record",

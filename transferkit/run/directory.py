@@ -148,7 +148,7 @@ class RunDirectory:
         self.close()
 
     def _start(self, config: Mapping[str, Any]) -> None:
-        if (self.path / RECORD).exists():
+        if is_run(self.path):
             raise RunInUseError(
                 f"another process has just started {self.path}",
                 remedy="continue it with {resume=True}, or choose another {out}",
@@ -247,12 +247,19 @@ def check_free(path: Path) -> None:
     """Check that a folder is empty or yet to be made.
 
     Raises:
-        RunDirectoryError: it holds a run or other files.
+        RunDirectoryError: it holds a run or other files, or no folder has such a name.
     """
-    if path.exists() and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
+    if "\0" in str(path):
+        raise RunDirectoryError("no folder has a name with a null character", remedy="choose another {out}")
+    if os.path.exists(path) and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
         raise RunDirectoryError(
             f"output directory {path} is in use", remedy="continue it with {resume=True}, or choose another {out}"
         )
+
+
+def is_run(path: str | Path) -> bool:
+    """Whether a training run was started in this folder."""
+    return os.path.exists(Path(path) / RECORD)
 
 
 def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> None:

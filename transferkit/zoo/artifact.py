@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,7 @@ from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
 from transferkit.policy.core import Core
 from transferkit.reading import FormatError, read_bytes, typed
-from transferkit.run import RECORD
+from transferkit.run import is_run
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough, parse_tensors
 from transferkit.zoo.card import CARD, LARGEST, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
@@ -57,10 +58,10 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
     check_kind("name", name, (str, Path), "give a core's id or its folder")
     check_kind("env", env or "", str, "name the environment, such as 'module:MyEnv-v0'")
     own, known = Path(name), str(name) in core_folders()
-    if not known and own.is_file():
+    if not known and os.path.isfile(own):
         return imported(own, env)
-    if not known and own.is_dir() and not (own / CARD).exists():
-        if (own / RECORD).exists():
+    if not known and os.path.isdir(own) and not (own / CARD).exists():
+        if is_run(own):
             return core_of_run(own, env)
         raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")
     folder = find_core(name)

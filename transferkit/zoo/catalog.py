@@ -47,7 +47,7 @@ def find_core(name: str | Path) -> Path:
     folders = core_folders()
     if str(name) in folders:
         return folders[str(name)]
-    if (Path(name) / CARD).exists():
+    if os.path.exists(Path(name) / CARD):
         return Path(name)
     for root in roots():
         if (index := cached_index(root)) is not None and str(name) in index.cores:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec, id_from_file
@@ -72,11 +73,16 @@ def _network(policy: Policy, run: Path) -> PolicyNet | ComposedNet:
     return network
 
 
-def _spec(policy: Policy, config: TrainConfig, run: Path, env: str | None) -> IOSpec:
-    """What a run's numbers mean: as its policy or its record says, or derived from its environment."""
+def kept_spec(policy: Policy, record: Mapping[str, Any]) -> IOSpec | None:
+    """What a run's numbers mean, as its policy or its record says; None if an earlier version kept nothing."""
     if isinstance(policy, Sandwich | PaperSandwich):
         return replace(policy.target, hold=policy.hold)
-    if kept := read_beside(read_record(run)).spec:
+    return read_beside(record).spec
+
+
+def _spec(policy: Policy, config: TrainConfig, run: Path, env: str | None) -> IOSpec:
+    """What a run's numbers mean: as it says, or derived from its environment."""
+    if kept := kept_spec(policy, read_record(run)):
         return kept
     env_id = id_from_file(config.env, run, env)
     try:
