@@ -16,7 +16,7 @@ from transferkit.evaluation import ZeroPolicy
 from transferkit.policy.base import ConstantPolicy
 from transferkit.policy.saved import load_components
 from transferkit.probation import hold_probation
-from transferkit.run import EpisodeRow, EvaluationRow, load_state, read_beside, read_record, read_table
+from transferkit.run import EpisodeRow, EvaluationRow, load_state, read_made_of, read_record, read_table
 
 IDP, CORE = "InvertedDoublePendulum-v5", "inverted-pendulum-v2"
 SMALL = {
@@ -153,7 +153,7 @@ def test_a_trusted_core_is_trained_and_learns_from_what_was_seen(tmp_path, algo)
     trusting = with_settings(config(algo, member=0, seed=100), {"wrap.fall_back": False})
     trusted = run_training(trusting, out=tmp_path / "run")
     assert trusted.probation.accepted
-    assert read_beside(read_record(tmp_path / "run")).probation == trusted.probation
+    assert read_made_of(read_record(tmp_path / "run")).probation == trusted.probation
     policy = load_policy(tmp_path / "run")
     assert policy.has_core
     assert trusted.episodes == 60

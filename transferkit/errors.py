@@ -43,6 +43,11 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"did you mean {' or '.join(close)}?" if close else ""
 
 
+def reason_of(error: BaseException, most: int = 200) -> str:
+    """What somebody else's exception says, in one line; its kind if it says nothing."""
+    return " ".join(str(error).split())[:most] or type(error).__name__
+
+
 class TransferkitError(Exception):
     """Base of every error that is worth one line instead of a traceback."""
 

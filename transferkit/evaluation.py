@@ -119,7 +119,7 @@ def evaluate(
         pool = [open_envs.enter_context(opened(env, **options)) for _ in range(size)]
         if fits := getattr(policy, "check_fits", None):  # not every actor is a policy
             fits(dims(pool[0]), env if isinstance(env, str) else written(pool[0].env))
-        for steps, step in enumerate(rollout(policy, pool, lambda k: streams.integer("evaluation", k), episodes=episodes), 1):
+        for steps, step in enumerate(rollout(policy, pool, streams.episode, episodes=episodes), 1):
             returns[step.episode] += step.reward
             lengths[step.episode] += 1
             ended += step.done

@@ -18,7 +18,7 @@ import torch
 from transferkit.budget import KINDS, Budget, Spent
 from transferkit.config import TrainConfig, identity, migrated_blueprint
 from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_written, make_env, names_module
-from transferkit.errors import ConfigError, SettingError
+from transferkit.errors import ConfigError, SettingError, reason_of
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
 from transferkit.policy.blueprints import Sandwiched, plan_of
@@ -40,7 +40,7 @@ from transferkit.run import (
     check_free,
     check_same,
     is_run,
-    read_beside,
+    read_made_of,
     read_record,
 )
 from transferkit.streams import Streams
@@ -99,7 +99,7 @@ class Job:
         pairs = self.config.wrap.probation
         if self.core is None or not pairs:
             return self
-        recorded = read_beside(read_record(self.out)).probation if self._is_recorded(resume=resume) else None
+        recorded = read_made_of(read_record(self.out)).probation if self._is_recorded(resume=resume) else None
         if self._is_under_way(resume=resume):
             return self if recorded is None else self._judged(recorded, None)
         held = hold_probation(self.policy, self.make_env, self._budget(), pairs, self.config.seed, self.config.wrap.least_gain)
@@ -129,7 +129,7 @@ class Job:
         if not config.experience:
             return self.seen, []
         if self._is_under_way(resume=resume):
-            return None, [asdict(recording) for recording in read_beside(read_record(out)).recordings]
+            return None, [asdict(recording) for recording in read_made_of(read_record(out)).recordings]
         transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(self.env))
         if len(transitions) > config.dyna.buffer_size:
             least = f"at least the {len(transitions)} steps of experience"
@@ -138,7 +138,7 @@ class Job:
 
     def compiles(self, *, resume: bool) -> bool:
         """Decide whether the updates are compiled; a run that is taken up goes on as it was."""
-        recorded = read_beside(read_record(self.out)).compiled if self._is_recorded(resume=resume) else None
+        recorded = read_made_of(read_record(self.out)).compiled if self._is_recorded(resume=resume) else None
 
         def limit() -> int | None:
             with closing(self.make_env()) as env:
@@ -164,7 +164,7 @@ class Job:
             made_of.pop("spec", None)
         before = identity(TrainConfig.from_json(recorded)) | {name: recorded[name] for name in made_of if name in recorded}
         with damaged_run(self.out / RECORD):
-            before["policy"] = _complete(migrated_blueprint(read_beside(recorded).policy))
+            before["policy"] = _complete(migrated_blueprint(read_made_of(recorded).policy))
         made_of = {name: _known(value, before.get(name, value)) for name, value in made_of.items()}
         now = identity(self.config) | made_of
         if now["core_digest"] and now["core_digest"] == before.get("core_digest"):  # whatever its folder is called today
@@ -285,7 +285,7 @@ def match_of(run: Path) -> Match | None:
     if not is_run(run):
         return None
     with damaged_run(run / RECORD):
-        plan = plan_of(read_beside(read_record(run)).policy)
+        plan = plan_of(read_made_of(read_record(run)).policy)
         return plan.matched() if isinstance(plan, Sandwiched) and plan.adapter != "pad" else None
 
 
@@ -312,6 +312,5 @@ def _device(name: str) -> torch.device:
         device = torch.device(name)
         torch.empty(0, device=device)
     except (RuntimeError, AssertionError) as error:
-        reason = str(error).splitlines()[0]
-        raise ConfigError(f"device '{name}' cannot be used ({reason})", remedy="use {device=cpu}") from None
+        raise ConfigError(f"device '{name}' cannot be used ({reason_of(error)})", remedy="use {device=cpu}") from None
     return device

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from transferkit.errors import EnvironmentContractError
+from transferkit.errors import EnvironmentContractError, reason_of
 
 try:
     import mujoco
@@ -18,8 +18,7 @@ except (AttributeError, OSError, RuntimeError) as error:  # of PyOpenGL without 
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco
 
-    reason = (str(error).splitlines() or [type(error).__name__])[0]
-    logging.getLogger("transferkit").warning("MUJOCO_GL=%s cannot be used and is ignored: %s", chosen, reason)
+    logging.getLogger("transferkit").warning("MUJOCO_GL=%s cannot be used and is ignored: %s", chosen, reason_of(error))
 
 __all__ = ["mujoco", "viewer_of"]
 

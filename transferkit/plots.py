@@ -12,7 +12,7 @@ import matplotlib as mpl
 import numpy as np
 
 from transferkit.config import TrainConfig
-from transferkit.errors import ConfigError, RecordingError, RunDirectoryError, printable
+from transferkit.errors import ConfigError, RecordingError, RunDirectoryError, printable, reason_of
 from transferkit.files import new_file
 from transferkit.record.mapping import load_mapping, read_logged
 from transferkit.record.reader import read, spec_of
@@ -189,7 +189,7 @@ def save_figure(figure: Figure, path: Path) -> None:
         try:
             figure.savefig(picture, format=path.suffix[1:], dpi=110)
         except (ValueError, ArithmeticError) as error:  # matplotlib's words for numbers beyond its axes
-            raise ConfigError(f"{path} cannot be drawn: {str(error).splitlines()[0]}") from None
+            raise ConfigError(f"{path} cannot be drawn: {reason_of(error)}") from None
         with new_file(path, "out") as temporary:
             temporary.write_bytes(picture.getvalue())
     finally:

@@ -25,6 +25,10 @@ class Streams:
         """Draw a 32-bit seed for the stream's element `index`, to hand to somebody else's `seed=`."""
         return int(self._sequence(name, index).generate_state(1)[0])
 
+    def episode(self, k: int) -> int:
+        """The seed that episode `k` starts from wherever a policy is played and not trained."""
+        return self.integer("evaluation", k)
+
     def numpy(self, name: str) -> np.random.Generator:
         """Make a NumPy generator."""
         return np.random.default_rng(self._sequence(name, ()))

@@ -22,7 +22,7 @@ from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
 from transferkit.policy.saved import load_policy, load_saved, policy_file
 from transferkit.record.play import Subject
-from transferkit.run import is_run, read_beside, read_record
+from transferkit.run import is_run, read_made_of, read_record
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough
 from transferkit.zoo.artifact import load_core
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from transferkit.evaluation import Evaluation
     from transferkit.nn import Value
     from transferkit.policy.base import Policy
-    from transferkit.policy.saved import Beside
+    from transferkit.policy.saved import SavedPart
     from transferkit.spec import IOSpec
 
 
@@ -124,15 +124,10 @@ def evaluate_subject(
     report: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
     """Evaluate a policy in its environment, under the rules that it was trained with."""
-    return evaluate(
-        subject.policy,
-        subject.env,
-        episodes=episodes,
-        seed=seed,
-        clip_actions=subject.clip_actions,
-        max_episode_steps=max_episode_steps or subject.max_episode_steps,
-        report=report,
-    )
+    rules = subject.rules
+    if max_episode_steps is not None:
+        rules["max_episode_steps"] = max_episode_steps
+    return evaluate(subject.policy, subject.env, episodes=episodes, seed=seed, report=report, **rules)
 
 
 def load_value(run_dir: str | Path, policy: Policy, *, best: bool = False) -> Value | None:
@@ -152,13 +147,13 @@ def load_value(run_dir: str | Path, policy: Policy, *, best: bool = False) -> Va
             return lambda observation, _: critic.value(observation).squeeze(-1)
         if "critic" not in saved:
             return None
-        critics = _critics(config, saved["critic"], read_beside(record).core_digest, policy, run_dir)
+        critics = _critics(config, saved["critic"], read_made_of(record).core_digest, policy, run_dir)
         if critics is not None:
             critics.load_state_dict(saved["critic"].weights)
     return None if critics is None else critics.value
 
 
-def _critics(config: TrainConfig, saved: Beside, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic | None:
+def _critics(config: TrainConfig, saved: SavedPart, digest: str | None, policy: Policy, run_dir: str | Path) -> Critic | None:
     """Build the critics of a policy, or of the core that its run was trained around, with other weights."""
     if architecture := saved.architecture:
         check_enough(saved.weights.values(), architecture.weights, "its critic")
@@ -182,7 +177,7 @@ def _run_subject(run: Path, env: EnvLike | None, *, best: bool, values: bool) ->
     policy = load_policy(run, best=best)
     digest = hashlib.sha256(policy_file(run, best=best).read_bytes()).hexdigest()
     training = {name: getattr(config, name) for name in ("algo", "preset", "core", "member", "seed")}
-    training["core_digest"] = read_beside(record).core_digest
+    training["core_digest"] = read_made_of(record).core_digest
     about = {"run": str(run), "policy_sha256": digest, "training": training}
     value = _value(run, policy, best=best) if values else None
     return Subject(policy, home, value, **asdict(config.env_config), about=about)

@@ -52,7 +52,7 @@ def forward_speed(actor: Actor, config: TrainConfig) -> float | None:
     streams, episodes = Streams(0), config.eval_episodes
     envs = [make_env(config.env, **asdict(config.env_config)) for _ in range(min(POOL, episodes))]
     speeds = []
-    for step in rollout(actor, envs, lambda episode: streams.integer("evaluation", episode), episodes=episodes):
+    for step in rollout(actor, envs, streams.episode, episodes=episodes):
         if REPORTED not in step.info:
             break
         speeds.append(step.info[REPORTED])

@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from experiments.matrix.cell_folder import SPEED, folder, pack, unpack
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, reason_of
 
 if TYPE_CHECKING:
     from experiments.matrix.cell import Cell
@@ -103,8 +103,7 @@ def _check_address(address: str) -> None:
 
 
 def _no_cluster(address: str, error: Exception) -> ConfigError:
-    reason = str(error).splitlines()[0]
-    return ConfigError(f"no Ray cluster at {address} ({reason})", remedy="start one with `ray start --head`")
+    return ConfigError(f"no Ray cluster at {address} ({reason_of(error)})", remedy="start one with `ray start --head`")
 
 
 def _work(job: Callable[[Cell], Answer], cell: Cell, out: Path) -> tuple[Answer, dict[str, bytes]]:

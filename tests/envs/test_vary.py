@@ -1,6 +1,7 @@
 """A changed robot is what somebody would have changed by hand, to the bit."""
 
 import copy
+from pathlib import Path
 
 import gymnasium
 import mujoco
@@ -40,17 +41,13 @@ BY_HAND = [
 
 def played(env, seed=0, steps=100):
     rows = [env.reset(seed=seed)[0]]
-    for action in np.random.default_rng(0).uniform(-1, 1, (steps, *env.action_space.shape)):
-        observation, reward, *_ = env.step(action)
-        rows.append(np.append(observation, reward)[:-1])
-    return np.array(rows)
+    actions = np.random.default_rng(0).uniform(-1, 1, (steps, *env.action_space.shape))
+    return np.array(rows + [env.step(action)[0] for action in actions])
 
 
 @pytest.mark.parametrize(("changes", "replacements"), BY_HAND, ids=[str(changes) for changes, _ in BY_HAND])
 def test_the_physics_is_that_of_an_xml_changed_by_hand(changes, replacements, tmp_path):
-    text = gymnasium.make(HOPPER).unwrapped.fullpath
-    with open(text) as file:
-        text = file.read()
+    text = Path(gymnasium.make(HOPPER).unwrapped.fullpath).read_text()
     for old, new in replacements:
         assert old in text
         text = text.replace(old, new)

@@ -136,9 +136,10 @@ def test_what_a_zip_of_sbx_refers_to_is_never_run(tmp_path, planted):
 
 
 def test_a_pickle_refers_to_nothing_by_tricks(planted):
+    command = f"touch {planted.path}"
     for blob in (
-        b"\x80\x04\x8c\x05posix\x8c\x06system\x93\x8c\x04true\x85R.",  # by names on the stack
-        b"cnumpy\ntesting._private.utils.os.system\n(S'true'\ntR.",  # by a path through another package
+        b"\x80\x04\x8c\x05posix\x8c\x06system\x93X" + struct.pack("<I", len(command)) + command.encode() + b"\x85R.",
+        f"cnumpy\ntesting._private.utils.os.system\n(S'{command}'\ntR.".encode(),  # by a path through another package
         b"\x82\x01.",  # by the registry of extensions
         b"\x80\x02Nr\xff\xff\xff\x7f.",  # 16 GB of memo
         b"\x80\x05\x96\xff\xff\xff\xff\xff\x00\x00\x00.",  # 1 TB of bytes

@@ -3,12 +3,12 @@ import numpy as np
 from tests.play.test_camera import Drawn
 from transferkit.play.camera import Camera
 from transferkit.play.curves import WIDTH
-from transferkit.play.film import LEAST_HEIGHT, _Beside
+from transferkit.play.film import LEAST_HEIGHT, _WithCurves
 from transferkit.play.moment import Inputs, Moment
 
 
 def test_the_inputs_are_beside_the_picture_and_move():
-    beside = _Beside(Camera(Drawn(3)), Inputs(["x", "y"], of_core=False, policy=None))
+    beside = _WithCurves(Camera(Drawn(3)), Inputs(["x", "y"], of_core=False, policy=None))
     first, second = (
         beside.draw(Moment(None, np.array([k, -k], np.float32), k, 0.5 * k, last=False)).astype(int) for k in (0, 1)
     )
@@ -19,4 +19,4 @@ def test_the_inputs_are_beside_the_picture_and_move():
 
 
 def test_without_inputs_the_picture_is_as_it_is():
-    assert _Beside(Camera(Drawn(3)), None).draw(Moment(None, np.zeros(2), 0, 0.0, last=False)).shape == (20, 30, 3)
+    assert _WithCurves(Camera(Drawn(3)), None).draw(Moment(None, np.zeros(2), 0, 0.0, last=False)).shape == (20, 30, 3)

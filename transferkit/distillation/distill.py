@@ -14,7 +14,7 @@ from transferkit.config import TrainConfig
 from transferkit.config.checks import check_kind
 from transferkit.distillation.config import DistillConfig
 from transferkit.distillation.rounds import Rounds
-from transferkit.distillation.teacher import Beside, teacher_in, watch
+from transferkit.distillation.teacher import BesideStudent, teacher_in, watch
 from transferkit.envs import copies_of, derive_spec
 from transferkit.errors import ArtifactError, ConfigError, SettingError
 from transferkit.evaluation import evaluate
@@ -123,7 +123,7 @@ def _student(
     student.network.log_std.data.fill_(max(np.log(max(rounds.loss, 1e-12)) / 2, LOG_STD_BOUNDS[0]))
     returns = evaluate(student, env, episodes=SCORE_EPISODES, seed=SCORE_SEED).returns
     made, watched = watch(copies_of(env))
-    taught = evaluate(Beside(subject.policy, watched), made, episodes=SCORE_EPISODES, seed=SCORE_SEED).mean
+    taught = evaluate(BesideStudent(subject.policy, watched), made, episodes=SCORE_EPISODES, seed=SCORE_SEED).mean
     made.close()
     return _Student(student, returns, taught, rounds.spent)
 

@@ -65,7 +65,7 @@ def watch(env: EnvLike) -> tuple[Contract, Watched]:
     return made, watched
 
 
-class Beside:
+class BesideStudent:
     """A teacher that acts in a student's environment, by what it observes itself."""
 
     def __init__(self, teacher: Policy, watched: Watched) -> None:

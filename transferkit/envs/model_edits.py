@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from transferkit.errors import ConfigError, UnknownNameError
+from transferkit.errors import ConfigError, UnknownNameError, reason_of
 from transferkit.physics import mujoco
 from transferkit.variation import FACTORS
 
@@ -40,7 +40,7 @@ def edited(spec: mujoco.MjSpec, factors: Factors, dead: Sequence[Place]) -> mujo
     try:
         return compiled(copy)
     except ValueError as error:
-        raise ConfigError(f"the varied model does not compile: {str(error).splitlines()[0]}", topic="variations") from None
+        raise ConfigError(f"the varied model does not compile: {reason_of(error)}", topic="variations") from None
 
 
 def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import inspect
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -13,19 +14,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
 
-from transferkit.config.checks import AT_LEAST_ONE, Range, unfit
+from transferkit.config.checks import Range, unfit
 from transferkit.env_id import EnvId
 from transferkit.envs.contract import failed
 from transferkit.envs.vary import Varied
 from transferkit.envs.written import is_written, name_of
-from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError
+from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError, reason_of
 
 if TYPE_CHECKING:
     from transferkit.envs.written import EnvLike
 
 DM_CONTROL_PREFIX = "dm_control/"
 
-FROM_FILE = Range(1, 1000)
+MOST_REPEATS = 1000
 """Physics steps of a control step that an id from a file may ask for."""
 
 
@@ -89,13 +90,15 @@ def id_from_file(env_id: str, source: str | Path, named: str | None = None, *, o
             f"{source} names the environment {env_id}, which runs the module {given.id.partition(':')[0]}",
             remedy=f"if you trust that, name it yourself: {{env={env_id}}}",
         )
-    _check_repeats(given, FROM_FILE)
+    _check_repeats(given, MOST_REPEATS)
     return env_id
 
 
-def _check_repeats(given: EnvId, repeats: Range) -> None:
-    if wanted := unfit(given.kwargs.get("frame_skip", 1), Annotated[int, repeats]):
-        raise EnvironmentContractError(f"frame_skip of {given.id}", value=given.kwargs["frame_skip"], allowed=wanted)
+def _check_repeats(given: EnvId, most: float = math.inf) -> None:
+    repeats = given.kwargs.get("frame_skip", 1)
+    if unfit(repeats, Annotated[int, Range(1, most)]):
+        allowed = "a whole number, at least 1" if math.isinf(most) else f"1 to {most}"
+        raise EnvironmentContractError(f"frame_skip of {given.id}", value=repeats, allowed=allowed, topic="environments")
 
 
 def names_module(env_id: str) -> bool:
@@ -135,7 +138,7 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
         return Varied(_from_id(plain, render_mode), dict(given.variation), lambda: _from_id(plain, None))
     kwargs: dict[str, Any] = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
     _check_files(text, kwargs)
-    _check_repeats(given, AT_LEAST_ONE)
+    _check_repeats(given)
     if given.id.startswith(DM_CONTROL_PREFIX):
         return _from_suite(text, given.id, kwargs)
     module, colon, name = given.id.partition(":")
@@ -159,8 +162,8 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
             ) from None
         raise UnknownNameError("environment", given.id, environment_ids(), topic="environments") from None
     except (gymnasium.error.Error, ModuleNotFoundError) as error:
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise EnvironmentContractError(f"environment {text} cannot be made: {reason}", topic="environments") from error
+        why = f"environment {text} cannot be made: {reason_of(error)}"
+        raise EnvironmentContractError(why, topic="environments") from error
     except TransferkitError:
         raise
     except (Exception, SystemExit) as error:  # of a module or an environment of the user's

@@ -74,10 +74,9 @@ def play_episodes(
     _check_path(path, episodes)
     spec = derive_spec(subject.env)
     seen = inputs_of(subject.policy, spec) if inputs else None
-    rules = {"clip_actions": subject.clip_actions, "max_episode_steps": subject.max_episode_steps}
     step = spec.time_step or 1 / FPS
     with (
-        opened(subject.env, render_mode=None if path is None else "rgb_array", **rules) as env,
+        opened(subject.env, render_mode=None if path is None else "rgb_array", **subject.rules) as env,
         _screen(path, env, step, seen) as show,
     ):
         playing = _Play(subject.policy, env, show, step, Streams(seed))
@@ -133,7 +132,7 @@ class _Play:
 
     def _seed_of(self, episode: int) -> int:
         self._step, self._total = 0, 0.0
-        return self._streams.integer("evaluation", episode)
+        return self._streams.episode(episode)
 
     def _count(self, step: Transition) -> None:
         self._step, self._total = step.step + 1, self._total + step.reward
@@ -147,7 +146,7 @@ class _Play:
             self._add(step)
 
     def _add(self, step: Transition) -> None:
-        self.played.append(Played(self._streams.integer("evaluation", step.episode), self._step, self._total))
+        self.played.append(Played(self._streams.episode(step.episode), self._step, self._total))
 
     def _look(self, observation: NDArray[np.float32], *, last: bool) -> None:
         moment = Moment(self._env, observation, self._step, self._step * self._time_step, last)

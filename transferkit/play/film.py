@@ -30,7 +30,7 @@ def film(path: Path, env: gymnasium.Env, time_step: float, inputs: Inputs | None
         ConfigError: the file cannot be written; nothing of it is left.
     """
     with closing(Camera(env)) as camera:
-        picture = _Beside(camera, inputs)
+        picture = _WithCurves(camera, inputs)
         with video(path, time_step, picture.draw, option="out") as add:
 
             def show(moment: Moment) -> bool:
@@ -40,7 +40,7 @@ def film(path: Path, env: gymnasium.Env, time_step: float, inputs: Inputs | None
             yield show
 
 
-class _Beside:
+class _WithCurves:
     """A picture, and curves on its right."""
 
     def __init__(self, camera: Camera, inputs: Inputs | None) -> None:

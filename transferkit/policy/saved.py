@@ -27,7 +27,7 @@ Component = tuple[EnsembleArchitecture, dict[str, torch.Tensor]]
 
 
 @dataclass(frozen=True)
-class Beside:
+class SavedPart:
     """What was trained beside the policy."""
 
     architecture: EnsembleArchitecture | None
@@ -40,7 +40,7 @@ class Saved:
 
     blueprint: dict[str, Any]
     weights: dict[str, torch.Tensor]
-    parts: dict[str, Beside]
+    parts: dict[str, SavedPart]
 
 
 def state_of(policy: Policy, beside: Mapping[str, nn.Module]) -> dict[str, Any]:

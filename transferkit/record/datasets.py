@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from transferkit.errors import RecordingError
+from transferkit.errors import RecordingError, reason_of
 from transferkit.record.reader import Transitions, check_finite
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
         loaded = minari.load_dataset(dataset)
         episodes = list(loaded.iterate_episodes())
     except Exception as error:  # whatever Minari and h5py raise for what is no dataset
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        raise RecordingError(f"no Minari dataset {dataset} here ({reason})", remedy="`minari list local` lists them") from None
+        why = f"no Minari dataset {dataset} here ({reason_of(error)})"
+        raise RecordingError(why, remedy="`minari list local` lists them") from None
     columns = _columns(episodes, dataset)
     for what, array, dim in (("observation", columns[0], spec.obs_dim), ("action", columns[1], spec.act_dim)):
         if array.shape[1:] != (dim,):

@@ -47,6 +47,11 @@ class About:
     """How many it was to hold."""
     max_episode_steps: Count | None = None
 
+    @property
+    def rules(self) -> dict[str, Any]:
+        """Those of `make_env` under which it was recorded."""
+        return {"clip_actions": self.clip_actions, "max_episode_steps": self.max_episode_steps}
+
 
 @dataclass(frozen=True)
 class Ended:

@@ -10,7 +10,7 @@ import orjson
 from mcap.records import Channel, Schema
 from mcap_protobuf.decoder import DecoderFactory
 
-from transferkit.errors import RecordingError
+from transferkit.errors import RecordingError, reason_of
 from transferkit.record.ros2 import ros2_decoder
 
 
@@ -43,9 +43,8 @@ class Decoder:
                 f"{self._path} is a recording of ROS 2, and {error.name} is missing", remedy="pip install mcap-ros2-support"
             ) from None
         except Exception as error:  # whatever the libraries raise for a schema or a message that is none
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise RecordingError(
-                f"{self._path}: a message on {channel.topic} does not decode as {channel.message_encoding} ({reason})"
+                f"{self._path}: a message on {channel.topic} does not decode as {channel.message_encoding} ({reason_of(error)})"
             ) from None
 
     def _from_protobuf(self, schema: Schema | None, data: bytes) -> object:

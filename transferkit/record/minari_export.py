@@ -26,7 +26,7 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from transferkit.envs import NO_LIMIT, dims, episode_limit, id_from_file, is_written, make_env
-from transferkit.errors import RecordingError
+from transferkit.errors import RecordingError, reason_of
 from transferkit.record.datasets import import_minari
 from transferkit.record.format import Names
 from transferkit.record.reader import about_of, check_spec, read
@@ -52,7 +52,7 @@ class Episode:
     @property
     def seed(self) -> int:
         """What the environment was reset with."""
-        return Streams(self.about.seed).integer("evaluation", self.steps[0].episode)
+        return Streams(self.about.seed).episode(self.steps[0].episode)
 
     def observations(self) -> NDArray[np.float32]:
         """Return the recorded ones, `(steps + 1, obs_dim)`."""
@@ -104,8 +104,7 @@ def export_minari(paths: Sequence[Path], dataset: str, *, env: str | None = None
         raise RecordingError(
             f"{paths[0]} was recorded in {about.spec.env_id}, not in {env}", remedy=f"use {{env={about.spec.env_id}}}"
         )
-    rules = {"clip_actions": about.clip_actions, "max_episode_steps": about.max_episode_steps}
-    with closing(make_env(id_from_file(about.spec.env_id, paths[0], env), **rules)) as made:
+    with closing(make_env(id_from_file(about.spec.env_id, paths[0], env), **about.rules)) as made:
         if dims(made) != (about.spec.obs_dim, about.spec.act_dim):
             raise RecordingError(f"{paths[0]} was recorded in another version of {about.spec.env_id}", remedy="record it again")
         raw, actions = made.env, [made.scaled(episode.actions()) for episode in episodes]
@@ -138,9 +137,8 @@ def _new(dataset: str) -> Iterator[None]:
         if new:
             shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, (ValueError, OSError, AssertionError)):
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
             raise RecordingError(
-                f"cannot write the Minari dataset {dataset}: {reason}", remedy="choose another {minari}"
+                f"cannot write the Minari dataset {dataset}: {reason_of(error)}", remedy="choose another {minari}"
             ) from None
         raise
 
@@ -191,8 +189,7 @@ def _recoverable(raw: Env, about: About) -> EnvSpec | None:
         spec = EnvSpec.from_json(spec.to_json())
         gymnasium.make(spec).close()
     except Exception as error:  # of the user's environment, or of what JSON cannot hold
-        reason = (str(error).splitlines() or [type(error).__name__])[0]
-        LOGGER.warning("the dataset cannot recover its environment %s: %s", about.spec.env_id, reason)
+        LOGGER.warning("the dataset cannot recover its environment %s: %s", about.spec.env_id, reason_of(error))
         return None
     return spec
 

@@ -34,7 +34,7 @@ ROWS = 250
 
 @dataclass(frozen=True)
 class Subject:
-    """A policy to record or export, and what is known beside it."""
+    """A policy to play, evaluate, record or export, and what is known beside it."""
 
     policy: Policy
     env: EnvLike
@@ -45,6 +45,11 @@ class Subject:
     """Whether it was wrapped onto the environment just now, and is not trained there."""
     about: Mapping[str, Any] | None = None
     """JSON values for the metadata: the core, its digest, the run."""
+
+    @property
+    def rules(self) -> dict[str, Any]:
+        """Those of `make_env` under which it acts."""
+        return {"clip_actions": self.clip_actions, "max_episode_steps": self.max_episode_steps}
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,6 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
     check_kind("subject", subject, Subject, "load it with load_subject")
     check_value("episodes", episodes, Annotated[int, EPISODES])
     check_value("seed", seed, Seed)
-    rules = {"clip_actions": subject.clip_actions, "max_episode_steps": subject.max_episode_steps}
     spec = derive_spec(subject.env)
     names = Names.of(spec, **subject.policy.trace_names())
     more = {
@@ -76,10 +80,10 @@ def record_episodes(subject: Subject, path: str | Path, *, episodes: int = 1, se
         "episodes": episodes,
         "command": command(),
         "hold": getattr(subject.policy, "hold", 1),  # not every actor is a policy
-        **rules,
+        **subject.rules,
         **(subject.about or {}),
     }
-    with opened(subject.env, **rules) as env:
+    with opened(subject.env, **subject.rules) as env:
         simulation = open_simulation(env)
         if simulation is None:
             raise RecordingError(
@@ -126,7 +130,7 @@ class _Tape:
 
     def seed_of(self, episode: int) -> int:
         """Return the seed of an evaluation's episode."""
-        return self.streams.integer("evaluation", episode)
+        return self.streams.episode(episode)
 
     def begin(self, episode: int) -> None:
         """Start an episode, whose first state the simulator has now."""

@@ -72,9 +72,8 @@ def replay_recording(
     episodes = [steps for steps in episodes if steps]
     if not episodes:
         raise RecordingError(f"{path} holds no step, so nothing can be replayed", remedy="record it again")
-    rules = {"clip_actions": about.clip_actions, "max_episode_steps": about.max_episode_steps}
     home = id_from_file(about.spec.env_id, path, env, only=True) if env is None or isinstance(env, str) else env
-    with opened(home, render_mode="rgb_array" if render else None, **rules) as made:
+    with opened(home, render_mode="rgb_array" if render else None, **about.rules) as made:
         tape = _Tape(made, _simulation(made, path), names, path)
         if dims(made) != (about.spec.obs_dim, about.spec.act_dim):
             raise RecordingError(
@@ -82,7 +81,7 @@ def replay_recording(
             )
         streams, differences = Streams(about.seed), []
         for steps in episodes:
-            observation, _ = made.reset(seed=streams.integer("evaluation", steps[0].episode))
+            observation, _ = made.reset(seed=streams.episode(steps[0].episode))
             differences.append(tape.play(steps, observation, on_frame))
     difference = next(filter(None, differences), "")
     return Replayed(len(episodes), sum(map(len, episodes)), contents.flaw, difference, different_versions(about))

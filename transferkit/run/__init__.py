@@ -10,10 +10,10 @@ from transferkit.run.directory import (
     check_free,
     check_same,
     is_run,
-    read_beside,
+    read_made_of,
     read_record,
 )
-from transferkit.run.result import RECORD, RESULT, Beside, Best, Earlier, Probation, Record, Result
+from transferkit.run.result import RECORD, RESULT, Best, Earlier, MadeOf, Probation, Record, Result
 from transferkit.run.session import Report, Schedule, Scores, Session
 from transferkit.run.state_file import check_alike, load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES, EpisodeRow, EvaluationRow, ModelRow, Row, read_table
@@ -27,11 +27,11 @@ __all__ = [
     "RESULT",
     "TABLES",
     "UNTRAINED",
-    "Beside",
     "Best",
     "Earlier",
     "EpisodeRow",
     "EvaluationRow",
+    "MadeOf",
     "ModelRow",
     "Probation",
     "Record",
@@ -49,7 +49,7 @@ __all__ = [
     "goes_on",
     "is_run",
     "load_state",
-    "read_beside",
+    "read_made_of",
     "read_record",
     "read_table",
     "save_state",

@@ -23,7 +23,7 @@ from transferkit.run.continuation import (
     finished_result,
     recorded_limits,
 )
-from transferkit.run.result import RECORD, RESULT, Beside, Record
+from transferkit.run.result import RECORD, RESULT, MadeOf, Record
 from transferkit.run.state_file import load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES
 from transferkit.versions import command, git_state, versions
@@ -231,14 +231,14 @@ def read_record(run: Path) -> dict[str, Any]:
     return read_json(run / RECORD, Record).config
 
 
-def read_beside(record: Mapping[str, Any]) -> Beside:
+def read_made_of(record: Mapping[str, Any]) -> MadeOf:
     """Take what a training run's record has beside the configuration.
 
     Raises:
         RunDirectoryError: it is the record of something else.
     """
     try:
-        return typed(record, Beside)
+        return typed(record, MadeOf)
     except FormatError as error:
         raise RunDirectoryError(f"{RECORD} is not the record of a training run ({error})", remedy="train again") from None
 

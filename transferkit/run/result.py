@@ -87,7 +87,7 @@ class Probation:
 
 
 @dataclass(frozen=True)
-class Beside:
+class MadeOf:
     """What the configuration in the record of a training run has beside its settings."""
 
     policy: dict[str, Any]

@@ -13,7 +13,7 @@ import torch
 from torch import Tensor
 
 from transferkit.config.checks import check_kind
-from transferkit.errors import ArtifactError
+from transferkit.errors import ArtifactError, reason_of
 from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
 from transferkit.policy.core import Core
@@ -83,8 +83,7 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
             for component in core.ensembles:
                 getattr(core, component)(member)
     except (FormatError, LookupError, TypeError, RuntimeError) as error:  # torch's message lists every tensor on many lines
-        reason = " ".join(str(error).split())[:200]
-        raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason})", remedy=RESTORE) from None
+        raise ArtifactError(f"core {card.id}: its weights do not fit its card ({reason_of(error)})", remedy=RESTORE) from None
     return core
 
 

@@ -21,7 +21,7 @@ from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
 from transferkit.policy.saved import load_components, load_policy
 from transferkit.reading import FormatError
-from transferkit.run import POLICY, finished_result, read_beside, read_record
+from transferkit.run import POLICY, finished_result, read_made_of, read_record
 from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def kept_spec(policy: Policy, record: Mapping[str, Any]) -> IOSpec | None:
     """What a run's numbers mean, as its policy or its record says; None if an earlier version kept nothing."""
     if isinstance(policy, Sandwich | PaperSandwich):
         return replace(policy.target, hold=policy.hold)
-    return read_beside(record).spec
+    return read_made_of(record).spec
 
 
 def _spec(policy: Policy, config: TrainConfig, run: Path, env: str | None) -> IOSpec:
