@@ -42,13 +42,13 @@ def crossings_of(study: Study) -> Crossings:
     pairs = sorted({(row.core, row.target) for row in rows if row.arm == TRANSFER and own[row.core] != row.target})
     cores: dict[str, list[Crossing]] = {}
     for core, target in pairs:
-        cores.setdefault(core, []).append(
-            _crossing(target, [row for row in rows if row.target == target and row.core in (core, "")])
-        )
+        cores.setdefault(core, []).append(crossing(rows, core, target))
     return Crossings(study.folder.name, max(row.eval_episodes for row in rows), cores)
 
 
-def _crossing(target: str, rows: Sequence[Row]) -> Crossing:
+def crossing(rows: Sequence[Row], core: str, target: str) -> Crossing:
+    """What every member returns, beside controls: those of this core, and those without one."""
+    rows = [row for row in rows if row.target == target and row.core in (core, "")]
     own = sorted((row for row in rows if row.arm == TRANSFER), key=lambda row: row.member)
     arms = {row.arm for row in rows} - {TRANSFER}
     controls = {arm: float(np.mean([row.eval_return_mean for row in rows if row.arm == arm])) for arm in sorted(arms)}

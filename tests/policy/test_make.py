@@ -216,10 +216,7 @@ def test_what_is_no_match_a_setting_or_a_folder_is_said():
         (lambda: wrap(core, "InvertedPendulum-v5", member=True), "member=True must be 0 to"),
         (lambda: health(policy, "InvertedPendulum-v5", steps=0), "steps=0 must be at least 1"),
         (lambda: distill("inverted-pendulum-v1", "InvertedPendulum-v5", {}), "recipe is of type dict and not DistillConfig"),
-        (
-            lambda: make_env("InvertedPendulum-v5?frame_skip=-1"),
-            "frame_skip of InvertedPendulum-v5=-1 must be a whole number, at least 1",
-        ),
+        (lambda: make_env("Hopper-v5?frame_skip=-1"), "frame_skip of Hopper-v5=-1 must be a whole number, at least 1"),
         (lambda: load_policy(5), "run_dir is of type int"),
         (lambda: load_subject(None), "name is of type NoneType"),
         (lambda: evaluate(core, "InvertedPendulum-v5"), "policy is of type Core and cannot act"),
