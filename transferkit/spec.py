@@ -116,6 +116,21 @@ class Actuator:
     """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 if unknown."""
     unit: str
 
+    @property
+    def centre(self) -> float:
+        """Of its bounds: what an action of 0 is."""
+        return (self.high + self.low) / 2
+
+    @property
+    def half_range(self) -> float:
+        """What an action of 1 adds to that."""
+        return (self.high - self.low) / 2
+
+    @property
+    def acted(self) -> str:
+        """The name of the element that says what it was told."""
+        return self.name + ACTED
+
 
 @dataclass(frozen=True)
 class IOSpec:

@@ -34,8 +34,8 @@ def draw_heat_map(study: Study) -> Figure:
     for (i, j), share in np.ndenumerate(shares):
         if np.isfinite(share):
             found = crossing(rows, cores[i], targets[j])
-            style = {"color": "black" if share > LIGHT else "white", "fontweight": "bold" if found.crosses else "normal"}
-            axis.text(j, i, f"{found.mean:.0f}", ha="center", va="center", **style)
+            colour, weight = "black" if share > LIGHT else "white", "bold" if found.crosses else "normal"
+            axis.text(j, i, f"{found.mean:.0f}", ha="center", va="center", color=colour, fontweight=weight)
     axis.set_xticks(range(len(targets)), [verbatim(short(name)) for name in targets], rotation=40, ha="right")
     axis.set_yticks(range(len(cores)), [verbatim(name) for name in cores])
     bar = figure.colorbar(picture, ax=axis, shrink=0.8)

@@ -147,7 +147,7 @@ def _observed(element: Element, spec: IOSpec) -> Measured:
     zero = 0.0 - element.offset / scale if scale else 0.0
     quantity = element.quantity if not element.age or element.quantity == "action" else "earlier"
     if element.quantity == "action":
-        own = [one.joint for one in spec.action if element.name_now == f"{one.name}.action"]
+        own = [one.joint for one in spec.action if element.name_now == one.acted]
         joints = tuple(named[joint] for joint in own if joint is not None)
     names = " + ".join(joint.model_name for joint in joints) or element.name
     return Measured(f"{element.quantity} of {names}", quantity, joints, scale, zero)

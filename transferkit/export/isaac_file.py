@@ -75,7 +75,7 @@ def _kind(element: Element, measured: Measured) -> str:
 
 
 def _terms(kind: str, pairs: Sequence[tuple[Element, Measured]], spec: IOSpec) -> list[dict[str, Any]]:
-    if kind == "action" and [one.name for one, _ in pairs] == [f"{actuator.name}.action" for actuator in spec.action]:
+    if kind == "action" and [one.name for one, _ in pairs] == [actuator.acted for actuator in spec.action]:
         return [_term("last_action", len(pairs), "isaaclab.envs.mdp.observations.last_action")]
     if kind not in TERMS:
         return [_term(element.name, 1, f"transferkit.{element.quantity}", units=element.unit) for element, _ in pairs]

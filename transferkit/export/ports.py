@@ -82,7 +82,7 @@ def _joints(spec: IOSpec, kinds: tuple[str, ...]) -> list[str]:
 def _columns(element: Element, spec: IOSpec, measured: Sequence[tuple[object, str]], past: int) -> list[tuple[int, float]]:
     """Where what an element is made of stands in `h`, and its coefficients."""
     if element.quantity == "action":
-        names = [f"{actuator.name}.action" for actuator in spec.action]
+        names = [actuator.acted for actuator in spec.action]
         first = len(measured) * (past + 1) + spec.act_dim * element.age
         return [(first + names.index(element.name_now), 1.0)]
     first, kinds = len(measured) * element.age, _source(element)

@@ -61,7 +61,8 @@ def _in_our_units(weight: Tensor, bias: Tensor, spec: IOSpec, factors: Tensor, *
     """Let the first layer take observations as the core's normaliser gives them, and actions from -1 to 1."""
     observation, action = weight[:, : spec.obs_dim] * factors[:, None], weight[:, spec.obs_dim :]
     if scaled:
-        low, high = (torch.tensor([getattr(one, end) for one in spec.action], dtype=torch.float64) for end in ("low", "high"))
-        bias = bias + ((low + high) / 2 @ action)[:, None]
-        action = action * ((high - low) / 2)[:, None]
+        numbers = ([getattr(one, of) for one in spec.action] for of in ("centre", "half_range"))
+        centre, half = (torch.tensor(row, dtype=torch.float64) for row in numbers)
+        bias = bias + (centre @ action)[:, None]
+        action = action * half[:, None]
     return torch.cat([observation, action], 1), bias

@@ -181,7 +181,7 @@ def _features(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, Feature]:
     torques = dict.fromkeys((joint.name for joint in spec.joints), 0.0)
     for actuator in spec.action:
         if actuator.joint is not None:
-            torques[actuator.joint] += abs(actuator.gear) * (actuator.high - actuator.low) / 2
+            torques[actuator.joint] += abs(actuator.gear) * actuator.half_range
     places = _places(spec, tree, metric=metric)
     lengths = _shares({joint.name: joint.length for joint in spec.joints})
     masses, strengths = _shares({joint.name: joint.mass for joint in spec.joints}), _shares(torques)

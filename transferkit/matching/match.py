@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from transferkit.matching.scales import gravity_scale, similarity, steps_of
 from transferkit.pairing import Pairing
-from transferkit.spec import ACTED
 
 if TYPE_CHECKING:
     from transferkit.pairing import Combination, Copy
@@ -268,7 +267,7 @@ class _Rows:
 
     def _acted(self, element: Element) -> Row | None:
         """Find what the core did in a step from what was done to the target; None if that is not known."""
-        names = [one.name + ACTED for one in self._source.action]
+        names = [one.acted for one in self._source.action]
         if element.name_now not in names:
             return None
         j, factors = names.index(element.name_now), self.actions()
@@ -277,15 +276,15 @@ class _Rows:
         if not np.allclose(shares @ factors, np.eye(len(names))[j], atol=1e-6):
             return None
         actuator = self._source.action[j]
-        weight, bias = np.zeros(self._target.obs_dim), (actuator.high + actuator.low) / 2
+        weight, bias = np.zeros(self._target.obs_dim), actuator.centre
         done = {(e.name_now, e.age): k for k, e in enumerate(self._target.observation) if e.quantity == "action"}
         for k in np.flatnonzero(shares):
             other = self._target.action[k]
-            place = done.get((other.name + ACTED, element.age))
+            place = done.get((other.acted, element.age))
             if place is None:
                 return None
-            weight[place] = shares[k] * (actuator.high - actuator.low) / (other.high - other.low)
-            bias -= float(weight[place]) * (other.high + other.low) / 2
+            weight[place] = shares[k] * actuator.half_range / other.half_range
+            bias -= float(weight[place]) * other.centre
         return self._linear(weight, bias)
 
     def _wanted(self, element: Element, *, scaled: bool) -> dict[str, float]:

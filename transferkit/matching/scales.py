@@ -114,7 +114,7 @@ class Strength(NamedTuple):
 def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.0) -> Strength:
     """What an actuator does to a robot of this length and mass, under so many times the gravity."""
     lever = length if actuator.unit == "N m" else 1.0
-    force = actuator.gear * (actuator.high - actuator.low) / 2
+    force = actuator.gear * actuator.half_range
     load = force / (mass * lever * gravity) if mass else 0.0
     return Strength(actuator.authority * lever / gravity, load, force)  # angular accelerations scale with 1 / length
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -50,7 +50,7 @@ def make_critic(
         LOGGER.warning("wrap.critic has no effect: %s has %d critics, and needs %s", core.id, found, needed)
     if origin is None:
         return Critic(JointInput(policy.normalizer), new)
-    core = _own(origin.core.critic(origin.member).ensemble, Ensemble)
+    core = _ensemble(origin.core.critic(origin.member).ensemble)
     return Critic(AdaptedInput(policy, origin, generator), WrappedEnsemble(core, new, origin, generator))
 
 
@@ -67,7 +67,7 @@ def make_dynamics(
     inputs, ensemble = JointInput(policy.normalizer), new
     origin = _origin(policy, "dynamics", config.members) if wrapped else None
     if origin is not None:
-        core = _own(origin.core.dynamics(origin.member).ensemble, Ensemble)
+        core = _ensemble(origin.core.dynamics(origin.member).ensemble)
         inputs, ensemble = AdaptedInput(policy, origin, generator), WrappedEnsemble(core, new, None, generator)
     return Dynamics(inputs, ensemble, policy.obs_dim, [] if absolute else angle_pairs(spec), absolute=absolute)
 
@@ -94,11 +94,8 @@ class AdaptedInput(nn.Module):
         return torch.cat((adapted, self.direct(observation, action)), -1)
 
 
-M = TypeVar("M", bound=nn.Module)
-
-
-def _own(module: nn.Module, kind: type[M]) -> M:
-    assert isinstance(module, kind)
+def _ensemble(module: nn.Module) -> Ensemble:
+    assert isinstance(module, Ensemble)
     return module
 
 

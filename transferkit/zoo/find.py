@@ -63,7 +63,7 @@ class Played:
         return sum(own > other for own, other in zip(self.returns, self.zero, strict=True))
 
 
-def find_cores(env: EnvLike, *, preset: str = "default") -> tuple[list[Found], list[ArtifactError]]:
+def find_cores(env: EnvLike) -> tuple[list[Found], list[ArtifactError]]:
     """Rank the cores of the zoo by how much of them an environment can represent.
 
     Returns those of which anything can be, and what is wrong with cards that cannot be read.
@@ -75,7 +75,7 @@ def find_cores(env: EnvLike, *, preset: str = "default") -> tuple[list[Found], l
     target, (cards, errors) = derive_spec(env), list_cards()
     found = []
     for card in cards:
-        match = compiled(pairing_of(card.source, target, preset=preset), card.source, target)
+        match = compiled(pairing_of(card.source, target), card.source, target)
         if match.holds:
             found.append(_found(card, match))
     return sorted(found, key=lambda one: -one.share), errors
@@ -87,14 +87,12 @@ def _found(card: Card, match: Match) -> Found:
     return Found(card.id, card.source.env_id, *shares, match.hold, match.copies, round(pairing.length, 4), pairing.forces)
 
 
-def play_found(
-    found: Sequence[Found], env: EnvLike, *, episodes: int = EPISODES, report: Callable[[int, int], None] | None = None
-) -> list[Played]:
+def play_found(found: Sequence[Found], env: EnvLike, *, report: Callable[[int, int], None] | None = None) -> list[Played]:
     """Play each core untrained, and zero action beside it."""
-    zero = evaluate(ZeroPolicy(derive_spec(env).act_dim), env, episodes=episodes).returns
+    zero = evaluate(ZeroPolicy(derive_spec(env).act_dim), env, episodes=EPISODES).returns
     played = []
     for k, one in enumerate(found):
-        returns = evaluate(wrap(load_core(one.core), env), env, episodes=episodes).returns
+        returns = evaluate(wrap(load_core(one.core), env), env, episodes=EPISODES).returns
         played.append(Played(returns, zero))
         if report is not None:
             report(k + 1, len(found))

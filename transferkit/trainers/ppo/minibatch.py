@@ -16,13 +16,14 @@ import torch
 from rsl_rl.storage import RolloutStorage
 from torch import Tensor
 
+from transferkit.config.ppo import ADAPTIVE_RATES
 from transferkit.nn import gaussian
 
 if TYPE_CHECKING:
     from transferkit.nn import Learner
 
-KL_FACTOR, RATE_FACTOR, RATE_BOUNDS = 2.0, 1.5, (1e-5, 1e-2)
-"""rsl_rl's rule of the adaptive schedule: how far the KL divergence may be off, what the rate is changed by, and its bounds."""
+KL_FACTOR, RATE_FACTOR = 2.0, 1.5
+"""rsl_rl's rule of the adaptive schedule: how far the KL divergence may be off, and what the rate is changed by."""
 
 
 class Minibatch(NamedTuple):
@@ -127,7 +128,7 @@ class _Actor(_Model):
         kl = gaussian.kl_divergence(*self.old, *self.output_distribution_params).mean()
         factor = torch.where(kl > desired * KL_FACTOR, 1 / RATE_FACTOR, 1.0)
         factor = torch.where((kl < desired / KL_FACTOR) & (kl > 0), RATE_FACTOR, factor)
-        return (learning_rate * factor).clamp(*RATE_BOUNDS)
+        return (learning_rate * factor).clamp(ADAPTIVE_RATES.low, ADAPTIVE_RATES.high)
 
 
 class _Critic(_Model):
