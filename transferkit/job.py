@@ -73,6 +73,8 @@ class Job:
     out: Path
     core: Core | None = None
     record_every: int = 0
+    resume: bool = False
+    """Whether to take up what is in the folder."""
     probation: Probation | None = None
     """What was found of the core."""
     seen: Transitions | None = None
@@ -84,23 +86,23 @@ class Job:
         """Make one environment under the contract."""
         return make_env(self.env, **asdict(self.config.env_config))
 
-    def check(self, *, resume: bool) -> None:
+    def check(self) -> None:
         """Refuse a budget, a device, a folder or a policy that does not fit, before anything is played or written."""
         check_folder(self.out, "out")
-        if not self._is_recorded(resume=resume):
+        if not self._is_recorded:
             check_free(self.out)
         self._budget()
         _device(self.config.device)
         with closing(self.make_env()) as env:
             self.policy.check_fits(dims(env), self.config.env)
 
-    def on_probation(self, *, resume: bool) -> Job:
+    def on_probation(self) -> Job:
         """Let the core prove itself; a job whose core is refused is one from scratch."""
         pairs = self.config.wrap.probation
         if self.core is None or not pairs:
             return self
-        recorded = read_made_of(read_record(self.out)).probation if self._is_recorded(resume=resume) else None
-        if self._is_under_way(resume=resume):
+        recorded = read_made_of(read_record(self.out)).probation if self._is_recorded else None
+        if self._is_under_way:
             return self if recorded is None else self._judged(recorded, None)
         held = hold_probation(self.policy, self.make_env, self._budget(), pairs, self.config.seed, self.config.wrap.least_gain)
         if held is None:
@@ -117,18 +119,20 @@ class Job:
         scratch = scratch_policy(self.env, self.config.network, seed=self.config.seed)
         return replace(self, probation=found, policy=scratch)
 
-    def _is_recorded(self, *, resume: bool) -> bool:
-        return resume and is_run(self.out)
+    @property
+    def _is_recorded(self) -> bool:
+        return self.resume and is_run(self.out)
 
-    def _is_under_way(self, *, resume: bool) -> bool:
-        return resume and ((self.out / CHECKPOINT).exists() or (self.out / RESULT).exists())
+    @property
+    def _is_under_way(self) -> bool:
+        return self.resume and ((self.out / CHECKPOINT).exists() or (self.out / RESULT).exists())
 
-    def experience(self, *, resume: bool) -> tuple[Transitions | None, Ledger]:
+    def experience(self) -> tuple[Transitions | None, Ledger]:
         """Load what to start with, and the ledger of its recordings; a run that has a checkpoint needs it no more."""
         config, out = self.config, self.out
         if not config.experience:
             return self.seen, []
-        if self._is_under_way(resume=resume):
+        if self._is_under_way:
             return None, [asdict(recording) for recording in read_made_of(read_record(out)).recordings]
         transitions, ledger = load_experience(config.experience, config.mapping, derive_spec(self.env))
         if len(transitions) > config.dyna.buffer_size:
@@ -136,9 +140,9 @@ class Job:
             raise SettingError("dyna.buffer_size", value=config.dyna.buffer_size, allowed=least)
         return transitions if self.seen is None else joined((transitions, self.seen)), ledger
 
-    def compiles(self, *, resume: bool) -> bool:
+    def compiles(self) -> bool:
         """Decide whether the updates are compiled; a run that is taken up goes on as it was."""
-        recorded = read_made_of(read_record(self.out)).compiled if self._is_recorded(resume=resume) else None
+        recorded = read_made_of(read_record(self.out)).compiled if self._is_recorded else None
 
         def limit() -> int | None:
             with closing(self.make_env()) as env:
@@ -146,7 +150,7 @@ class Job:
 
         return is_compiled(self.config, limit, lambda: derive_spec(self.env).time_step, recorded=recorded)
 
-    def open(self, ledger: Ledger, *, compiled: bool, resume: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
+    def open(self, ledger: Ledger, *, compiled: bool) -> tuple[RunDirectory, dict[str, Any] | None]:
         """Start the run's directory, or take it up with its last checkpoint if its record is the same.
 
         One that is finished goes on if all but its budget is the same, and that is more than it has spent.
@@ -157,7 +161,7 @@ class Job:
         made_of |= {"probation": asdict(self.probation)} if self.probation else {}
         known = is_written(self.config.env) and not names_module(self.config.env)
         made_of |= {} if known else {"spec": derive_spec(self.env).to_json()}
-        if not self._is_recorded(resume=resume):
+        if not self._is_recorded:
             return RunDirectory.create(self.out, {**asdict(self.config), **made_of}), None
         recorded = read_record(self.out)
         if "spec" not in recorded:  # an earlier version's

@@ -60,8 +60,8 @@ def run_training(
         core = None if config.core is None else load_core(config.core, env=config.env)
         out = default_directory(config) if out is None else Path(out)
         policy = policy or new_policy(config, core, match_of(out) if resume else None)
-        job = Job(config, policy, config.env, out, core, record_every)
-        return _run(job, resume=resume, report=report)
+        job = Job(config, policy, config.env, out, core, record_every, resume)
+        return _run(job, report)
 
 
 def train(
@@ -123,8 +123,8 @@ def train(
     config = with_settings(config, given)
     check_read(config, given, ready=True)
     with one_thread():
-        job = Job(config, policy, copies_of(env), default_directory(config) if out is None else Path(out), core)
-        return _run(job, resume=resume, report=report)
+        out = default_directory(config) if out is None else Path(out)
+        return _run(Job(config, policy, copies_of(env), out, core, resume=resume), report)
 
 
 def default_directory(config: TrainConfig) -> Path:
@@ -142,12 +142,12 @@ def _core_of(policy: Policy) -> tuple[Core | None, dict[str, Any]]:
     return origin.core, {"core": origin.core.id, "member": origin.member, "wrap": policy.config}
 
 
-def _run(job: Job, *, resume: bool, report: Report | None) -> Result:
-    job.check(resume=resume)
-    job = job.on_probation(resume=resume)
-    prior, ledger = job.experience(resume=resume)
-    compiled = job.compiles(resume=resume)
-    directory, checkpoint = job.open(ledger, compiled=compiled, resume=resume)
+def _run(job: Job, report: Report | None) -> Result:
+    job.check()
+    job = job.on_probation()
+    prior, ledger = job.experience()
+    compiled = job.compiles()
+    directory, checkpoint = job.open(ledger, compiled=compiled)
     with directory:
         if directory.result is not None:
             return directory.result
