@@ -83,6 +83,8 @@ NO_EFFECT = {
 PLACES = {
     f"{PRETRAIN} --name ../x": "--name='../x' must be letters, digits",
     f"{PRETRAIN} --name .x": "--name='.x' must be letters, digits",
+    f"{PRETRAIN} --name=-x": "--name='-x' must be letters, digits",
+    f"{PRETRAIN} --name {'x' * 81}": "must be letters, digits, '_', '-' and '.', at most 80",
     f"{PRETRAIN} --name x --zoo file/zoo": "file is not a folder; choose another --zoo",
     f"{TRAIN} --out file": "file is not a folder; choose another --out",
     f"{TRAIN} --out file/run": "file is not a folder; choose another --out",

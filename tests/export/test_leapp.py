@@ -173,7 +173,7 @@ def test_names_that_would_stand_for_several_numbers_are_refused(tmp_path):
     ET.SubElement(tree.find("actuator"), "motor", joint="slider", gear="-3", ctrlrange="-1 1")
     tree.write(tmp_path / "two.xml")
     for env, why in (
-        ("Ant-v5", "joint root is free"),
+        ("Ant-v5", "joint root moves in several ways"),
         (f"InvertedPendulum-v5?xml_file={tmp_path / 'two.xml'}", "joint slider"),
     ):
         with pytest.raises(ConfigError, match=why):

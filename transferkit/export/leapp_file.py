@@ -60,7 +60,7 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
         )
     joints = {joint.name: joint.model_name for joint in spec.joints}
     if (shared := _repeated(joints.values())) is not None:
-        raise ConfigError(f"joint {shared} is free: LEAPP names its numbers all alike", remedy="leave out {leapp}")
+        raise ConfigError(f"joint {shared} moves in several ways, whose numbers LEAPP names alike", remedy="leave out {leapp}")
     if (shared := _repeated(joints[str(actuator.joint)] for actuator in spec.action)) is not None:
         raise ConfigError(f"several actuators drive joint {shared}: LEAPP has one torque for it", remedy="leave out {leapp}")
     if subject.policy.hold > 1 and any(element.age for element in spec.observation):
