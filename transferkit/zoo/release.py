@@ -45,7 +45,8 @@ def core_id(name: str, version: int) -> str:
         SettingError: the name cannot be that of a folder everywhere.
     """
     if not re.fullmatch(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,79}", name):
-        raise SettingError("name", value=name, allowed="letters, digits, '_', '-' and '.', at most 80, the last two not the first")
+        allowed = "letters, digits, '_', '-' and '.', at most 80, the last two not the first"
+        raise SettingError("name", value=name, allowed=allowed)
     return f"{name}-v{version}"
 
 
