@@ -204,3 +204,10 @@ def test_a_limit_below_one_is_refused():
     for limit in (0, -1, "a"):
         with pytest.raises(SettingError, match="max_episode_steps"):
             make_env("InvertedPendulum-v5", max_episode_steps=limit)
+
+
+def test_bounds_without_room_or_with_too_much_are_one_line():
+    for high, message in ((-1e308, "cannot do anything"), (1e308, r"bounds -1e\+308 to 1e\+308, too far apart")):
+        wide = type("Wide", (Counter,), {"action_space": gymnasium.spaces.Box(-1e308, high, (1,), np.float64)})
+        with pytest.raises(EnvironmentContractError, match=message):
+            make_env(lambda wide=wide: wide(5))

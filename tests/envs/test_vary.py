@@ -253,3 +253,8 @@ def test_a_pole_that_gravity_pulls_up_hangs():
     (hanging,) = (joint for joint in derive_spec("InvertedPendulum-v5?vary.gravity=-1").joints if joint.type == "hinge")
     assert hanging.rest == (upright.rest[0], upright.rest[1], -upright.rest[2])
     assert "hinge_y" not in match("InvertedPendulum-v5", "InvertedPendulum-v5?vary.gravity=-1").copies[0].joints
+
+
+def test_numbers_of_numpy_are_numbers_in_lists_too():
+    changes = {"drop_observation": [np.int64(1)], "delay": (np.int64(1), np.int64(2)), "mass": (np.float64(0.5), np.float32(2))}
+    assert recorded(vary(HOPPER, **changes)) == f"{HOPPER}?vary.mass=[0.5,2.0]&vary.delay=[1,2]&vary.drop_observation=[1]"
