@@ -62,7 +62,7 @@ def test_what_else_is_wrong_is_said_without_a_list():
     ],
 )
 def test_numbers_and_switches_are_what_they_look_like(text, value):
-    """As in YAML 1.2; what older versions read as something else is no number."""
+    """As in YAML 1.2; what only 1.1 takes for a number or a switch is refused."""
     if value is None:
         with pytest.raises(FormatError, match="Expected"):
             parse_yaml(text.encode(), Picture)

@@ -42,7 +42,7 @@ def check_folder(path: Path, option: str) -> None:
     Raises:
         ConfigError: a file is in its way, or it cannot be written.
     """
-    nearest = next(place for place in (path, *path.parents) if os.path.exists(place))
+    nearest = next(place for place in (path, *path.parents) if os.path.exists(place))  # for names too long, too
     if not nearest.is_dir():
         raise ConfigError(f"{nearest} is not a folder", remedy=f"choose another {{{option}}}")
     if not os.access(nearest, os.W_OK):

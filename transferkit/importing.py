@@ -19,7 +19,7 @@ from transferkit.interop import Given, read_core
 from transferkit.policy.health import health
 from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED, ImportedFrom
 from transferkit.zoo.find import Played
-from transferkit.zoo.release import core_id, new_card, new_folder, release, scored
+from transferkit.zoo.release import check_place, core_id, new_card, release, scored
 
 if TYPE_CHECKING:
     from transferkit.envs import EnvLike
@@ -125,7 +125,7 @@ def run_import(file: Path, env: EnvLike, given: Given, target: Target | None) ->
     if scale not in (None, "bounds") and not (isinstance(scale, float | int) and 0 < scale < float("inf")):
         raise SettingError("action_scale", value=scale, allowed="a positive number, or bounds")
     if target is not None:
-        new_folder(target.zoo, target.folder.name)
+        check_place(target.folder)
     name = file.stem if target is None else target.folder.name
     core, foreign, notes = read_core(file, derive_spec(env), given, name)
     policy = core.policy()

@@ -19,7 +19,7 @@ from transferkit.run import check_same, is_run, read_record
 from transferkit.training import RUNS, run_training
 from transferkit.workers import worker_pool
 from transferkit.zoo.card import SCORE_EPISODES, SCORE_SEED
-from transferkit.zoo.release import core_id, new_card, new_folder, release, scored
+from transferkit.zoo.release import check_place, core_id, new_card, release, scored
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
@@ -68,7 +68,8 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         ArtifactError: the version exists, or a member is below the threshold.
         ConfigError: a core cannot be made of what the configuration trains, or its folder cannot be written.
     """
-    folder = new_folder(recipe.zoo, recipe.id)
+    folder = recipe.zoo / recipe.id
+    check_place(folder)
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch", remedy="leave out {core}")
     if config.algo != "ppo" and config.model.predict == "state":

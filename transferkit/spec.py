@@ -118,12 +118,12 @@ class Actuator:
 
     @property
     def centre(self) -> float:
-        """Of its bounds: what an action of 0 is."""
+        """The middle of its bounds, where an action of 0 is."""
         return (self.high + self.low) / 2
 
     @property
     def half_range(self) -> float:
-        """What an action of 1 adds to that."""
+        """How far an action of 1 is from there."""
         return (self.high - self.low) / 2
 
     @property
@@ -179,13 +179,18 @@ class IOSpec:
         """Length of the action vector."""
         return len(self.action)
 
+    @property
+    def model_names(self) -> dict[str, str]:
+        """What the model calls each joint, by canonical name."""
+        return {joint.name: joint.model_name for joint in self.joints}
+
     def has_the_numbers_of(self, other: IOSpec) -> bool:
         """Whether both observe and take the same in the same order, on robots whose joints have the same names."""
         one, two = (
             (
                 [(element.name, element.quantity, element.joints) for element in spec.observation],
                 [(actuator.name, actuator.model_name) for actuator in spec.action],
-                [(joint.name, joint.model_name) for joint in spec.joints],
+                [*spec.model_names.items()],
             )
             for spec in (self, other)
         )

@@ -80,6 +80,7 @@ def load_subject(
 
 
 def _plays_as_it_is(run: Path, env: EnvLike) -> bool:
+    """Whether what a run's policy takes and gives means the same in this environment, or it is the run's own."""
     policy, record = load_policy(run), read_record(run)
     own = TrainConfig.from_json(record).env
     with opened(env) as made:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from transferkit.errors import ConfigError, UnknownNameError
@@ -90,6 +90,13 @@ class Variation:
             _frames(single.get("frames", 1)),
             _places("dead_actuator", single.get("dead_actuator", ())),
         )
+
+    def with_actuators(self, names: Mapping[str, str]) -> Variation:
+        """The same changes, with actuators called as this table says."""
+        tables = {name: dict(table) for name, table in self.factors.items()}
+        if "gear" in tables:
+            tables["gear"] = {names.get(part, part): amount for part, amount in tables["gear"].items()}
+        return replace(self, factors=tables, dead_actuator=[names.get(str(place), place) for place in self.dead_actuator])
 
     @property
     def drawn(self) -> bool:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from experiments.matrix.table import Row
     from experiments.study.rooms import Study
+    from transferkit.zoo.crossings import Crossing
 
 LIGHT = 0.55
 """Share of the range from which cells are so light that their text is dark."""
@@ -29,11 +30,19 @@ def draw_heat_map(study: Study) -> Figure:
     size = (3 + 0.9 * len(targets), 2 + 0.42 * len(cores))
     figure = Figure(figsize=size, layout="constrained")
     axis = figure.subplots()
-    shares = np.array([[_share(rows, core, target) for target in targets] for core in cores])
+    played = {(row.core, row.target) for row in rows}
+    cells = {
+        (i, j): crossing(rows, core, target)
+        for i, core in enumerate(cores)
+        for j, target in enumerate(targets)
+        if (core, target) in played
+    }
+    shares = np.full((len(cores), len(targets)), np.nan)
+    for place, found in cells.items():
+        shares[place] = _share(rows, found)
     picture = axis.imshow(np.ma.masked_invalid(shares), vmin=0, vmax=1, cmap="viridis", aspect="auto")
-    for (i, j), share in np.ndenumerate(shares):
-        if np.isfinite(share):
-            found = crossing(rows, cores[i], targets[j])
+    for (i, j), found in cells.items():
+        if np.isfinite(share := shares[i, j]):
             colour, weight = "black" if share > LIGHT else "white", "bold" if found.crosses else "normal"
             axis.text(j, i, f"{found.mean:.0f}", ha="center", va="center", color=colour, fontweight=weight)
     axis.set_xticks(range(len(targets)), [verbatim(short(name)) for name in targets], rotation=40, ha="right")
@@ -44,10 +53,7 @@ def draw_heat_map(study: Study) -> Figure:
     return figure
 
 
-def _share(rows: Sequence[Row], core: str, target: str) -> float:
-    """How far a core is on the way from zero action to the best that is known of a target; NaN if it did not play."""
-    if not any((row.core, row.target) == (core, target) for row in rows):
-        return float("nan")
-    found = crossing(rows, core, target)
-    top, _ = best(target, max(row.eval_return_mean for row in rows if row.target == target))
+def _share(rows: Sequence[Row], found: Crossing) -> float:
+    """How far a core is on the way from zero action to the best that is known of a target; NaN if there is no way."""
+    top, _ = best(found.target, max(row.eval_return_mean for row in rows if row.target == found.target))
     return float(np.clip((found.mean - found.zero) / (top - found.zero), 0, 1)) if top > found.zero else float("nan")

@@ -97,6 +97,8 @@ def test_numbers_of_numpy_become_pythons():
     check(sample)
     found = (sample.count, sample.number, sample.flag)
     assert (found, [*map(type, found)]) == ((3, 0.5, True), [int, float, bool])
+    check(listed := Sample(several=(np.int64(1), 2)))
+    assert [*map(type, listed.several)] == [int, int]
     check_value("episodes", np.int64(2), Annotated[int, AT_LEAST_ONE])
     with pytest.raises(SettingError, match="must be a whole number"):
         check(Sample(count=np.array([1, 2])))

@@ -174,7 +174,7 @@ def test_names_that_would_stand_for_several_numbers_are_refused(tmp_path):
     tree.write(tmp_path / "two.xml")
     for env, why in (
         ("Ant-v5", "joint root moves in several ways"),
-        (f"InvertedPendulum-v5?xml_file={tmp_path / 'two.xml'}", "joint slider"),
+        (f"InvertedPendulum-v5?xml_file={tmp_path / 'two.xml'}", "several actuators drive joint slider"),
     ):
         with pytest.raises(ConfigError, match=why):
             export_leapp(lively(env), tmp_path / "a.yaml")

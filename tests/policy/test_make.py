@@ -15,8 +15,8 @@ from transferkit.errors import (
     ConfigError,
     DimensionError,
     EnvironmentContractError,
+    RunDirectoryError,
     SettingError,
-    TransferkitError,
     UnknownNameError,
 )
 from transferkit.matching import load_match, save_match
@@ -27,7 +27,7 @@ from transferkit.policy.make import new_policy, scratch_policy
 from transferkit.policy.paper import PaperSandwich
 from transferkit.streams import Streams
 
-IDP, CARTPOLE = "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
+IP, IDP, CARTPOLE = "InvertedPendulum-v5", "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
 
 
 @pytest.mark.parametrize("gravity", [1, 4])
@@ -208,20 +208,36 @@ def test_what_is_no_match_a_setting_or_a_folder_is_said():
         (lambda: wrap(core, "InvertedDoublePendulum-v5", match=5), "match is of type int and not str or Path or Pairing"),
         (lambda: train(policy, "InvertedPendulum-v5", budget, settings={5: 3}), "a setting's name is of type int"),
         (lambda: train(policy, "InvertedPendulum-v5", budget, out=5), "out is of type int"),
-        (lambda: train(policy, "InvertedPendulum-v5", budget, out="a\0b"), "no folder has a name with a null character"),
-        (lambda: train(policy, "InvertedPendulum-v5", budget, out="a" * 300), "File name too long"),
         (lambda: load_core(None), "name is of type NoneType"),
-        (lambda: load_core("a" * 5000), "unknown core 'aaa"),
-        (lambda: load_subject("a" * 5000), "unknown run or core 'aaa"),
         (lambda: wrap(core, "InvertedPendulum-v5", member=True), "member=True must be 0 to"),
         (lambda: health(policy, "InvertedPendulum-v5", steps=0), "steps=0 must be at least 1"),
         (lambda: distill("inverted-pendulum-v1", "InvertedPendulum-v5", {}), "recipe is of type dict and not DistillConfig"),
-        (lambda: make_env("Hopper-v5?frame_skip=-1"), "frame_skip of Hopper-v5=-1 must be a whole number, at least 1"),
         (lambda: load_policy(5), "run_dir is of type int"),
         (lambda: load_subject(None), "name is of type NoneType"),
         (lambda: evaluate(core, "InvertedPendulum-v5"), "policy is of type Core and cannot act"),
         (lambda: save_match(None, "x.yaml"), "pairing is of type NoneType"),
         (lambda: load_match(5), "path is of type int"),
     ):
-        with pytest.raises(TransferkitError, match=message):
+        with pytest.raises(ConfigError, match=message):
+            call()
+
+
+def test_what_no_path_and_no_environment_can_be_is_one_line():
+    policy, budget = scratch_policy(IP), Budget(episodes=1)
+    for call, kind, message in (
+        (
+            lambda: train(policy, IP, budget, out="a\0b"),
+            RunDirectoryError,
+            "no folder has a name with a null character",
+        ),
+        (lambda: train(policy, IP, budget, out="a" * 300), RunDirectoryError, "File name too long"),
+        (lambda: load_core("a" * 5000), UnknownNameError, "unknown core 'aaa"),
+        (lambda: load_subject("a" * 5000), UnknownNameError, "unknown run or core 'aaa"),
+        (
+            lambda: make_env("Hopper-v5?frame_skip=-1"),
+            EnvironmentContractError,
+            "frame_skip of Hopper-v5=-1 must be a whole number, at least 1",
+        ),
+    ):
+        with pytest.raises(kind, match=message):
             call()

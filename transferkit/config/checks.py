@@ -81,9 +81,9 @@ def check(config: object, section: str = "") -> None:
         SettingError: a value has another type, is not among the choices, or is out of its range.
     """
     for name, hint in _hints(type(config)).items():
-        if (value := plain(own := getattr(config, name))) is not own:
-            object.__setattr__(config, name, value)  # of a frozen one that is being made
-        check_value(f"{section}.{name}" if section else name, getattr(config, name), hint)
+        value = plain(getattr(config, name))
+        object.__setattr__(config, name, value)  # of a frozen one that is being made
+        check_value(f"{section}.{name}" if section else name, value, hint)
 
 
 def check_value(name: str, value: object, hint: Any) -> None:  # noqa: ANN401 - a type hint is any object
@@ -125,8 +125,10 @@ def unfit(value: object, hint: Any) -> str:  # noqa: ANN401 - a type hint is any
     return _unfit_plain(value, hint)
 
 
-def plain(value: Any) -> Any:  # noqa: ANN401 - of anybody's
-    """Python's number, if it is numpy's."""
+def plain(value: Any) -> Any:  # noqa: ANN401 - any value
+    """The value with Python's numbers in place of numpy's, in a tuple too."""
+    if isinstance(value, tuple):
+        return tuple(map(plain, value))
     return value.item() if type(value).__module__ == "numpy" and getattr(value, "ndim", None) == 0 else value
 
 

@@ -25,7 +25,7 @@ from transferkit.run import is_run
 from transferkit.training import RUNS
 from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED
 from transferkit.zoo.catalog import find_card
-from transferkit.zoo.release import new_card, new_folder, release, scored
+from transferkit.zoo.release import check_place, new_card, release, scored
 
 if TYPE_CHECKING:
     from transferkit.budget import Spent
@@ -76,7 +76,7 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
         UnknownNameError: neither a run nor a core has this name.
     """
     check_kind("recipe", recipe, DistillConfig, "make one, such as DistillConfig('mine')")
-    new_folder(recipe.folder.parent, recipe.folder.name)
+    check_place(recipe.folder)
     members = _members(teacher, recipe)
     work = RUNS / "distill" / recipe.folder.name
     with writing(work):

@@ -55,7 +55,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         self._model = _Model(env, again) if changes_model else None
         spec = _spec(env) if self._by_name else None
         self._names = [] if spec is None else [element.name for element in spec.observation]
-        self._drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
+        drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
+        self._of_model = self.variation.with_actuators(drives)
         size = _size(env)
         moved, dropped = (
             [self._index(place, name) for place in getattr(self.variation, name)]
@@ -111,10 +112,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         if seed is not None or not hasattr(self, "_rng"):
             self._rng = np.random.default_rng([zlib.crc32(b"variation"), seed or 0])
         if self._model is not None and (self.variation.drawn or not self._model.changed):
-            factors = self.variation.nominal() if self.nominal else self.variation.draw(self._rng)
-            own = {self._drives.get(part, part): factor for part, factor in factors.get("gear", {}).items()}
-            dead = [self._drives.get(str(place), place) for place in self.variation.dead_actuator]
-            self._model.change(factors | {"gear": own}, dead)
+            changed = self._of_model
+            self._model.change(changed.nominal() if self.nominal else changed.draw(self._rng), changed.dead_actuator)
         low, high = (int(end) for end in self.variation.delay)
         self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
         self._deviation = np.zeros(_size(self.env))

@@ -100,7 +100,7 @@ def _term(name: str, size: int, path: str, scale: list[float] | None = None, uni
 
 def _actions(spec: IOSpec, drives: Sequence[Drive]) -> list[dict[str, Any]]:
     """Neighbours whose commands are of one kind are one term."""
-    names = {joint.name: joint.model_name for joint in spec.joints}
+    names = spec.model_names
     groups = itertools.groupby(
         zip(spec.action, drives, strict=True), key=lambda pair: (pair[1].command, pair[0].joint is None and pair[0].name)
     )

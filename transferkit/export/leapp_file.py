@@ -52,22 +52,7 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     check_new(path, "leapp", ".yaml")
     check_new(network, "leapp")
     spec = derive_spec(subject.env)
-    if without := [actuator.name for actuator in spec.action if actuator.joint is None]:
-        raise ConfigError(f"action {without[0]} drives no joint, which LEAPP has no kind for", remedy="leave out {leapp}")
-    if (servo := _servo(subject.env, spec)) is not None:
-        raise ConfigError(
-            f"actuator {servo} has gains or a state of its own, and a torque is not what it takes", remedy="leave out {leapp}"
-        )
-    joints = {joint.name: joint.model_name for joint in spec.joints}
-    if (shared := _repeated(joints.values())) is not None:
-        raise ConfigError(f"joint {shared} moves in several ways, whose numbers LEAPP names alike", remedy="leave out {leapp}")
-    if (shared := _repeated(joints[str(actuator.joint)] for actuator in spec.action)) is not None:
-        raise ConfigError(f"several actuators drive joint {shared}: LEAPP has one torque for it", remedy="leave out {leapp}")
-    if subject.policy.hold > 1 and any(element.age for element in spec.observation):
-        raise ConfigError(
-            f"the policy acts once in {subject.policy.hold} control steps and sees single earlier ones: LEAPP cannot say it",
-            remedy="leave out {leapp}",
-        )
+    _check(subject, spec)
     deployed = Deployed(exported_policy(subject, spec), ports_of(spec), spec).eval()
     examples = tuple(torch.zeros(1, size) for size in deployed.inputs.values())
     program = onnx_program(deployed, examples, list(deployed.inputs), list(deployed.outputs))
@@ -77,6 +62,26 @@ def export_leapp(subject: Subject, path: str | Path) -> Path:
     with new_file(path, "leapp") as temporary:
         temporary.write_text(_text(_described(deployed, spec, network.name, data, subject.policy.hold)))
     return network
+
+
+def _check(subject: Subject, spec: IOSpec) -> None:
+    """Refuse what LEAPP has no words for."""
+    if without := [actuator.name for actuator in spec.action if actuator.joint is None]:
+        raise ConfigError(f"action {without[0]} drives no joint, which LEAPP has no kind for", remedy="leave out {leapp}")
+    if (servo := _servo(subject.env, spec)) is not None:
+        raise ConfigError(
+            f"actuator {servo} has gains or a state of its own, and a torque is not what it takes", remedy="leave out {leapp}"
+        )
+    joints = spec.model_names
+    if (shared := _repeated(joints.values())) is not None:
+        raise ConfigError(f"joint {shared} moves in several ways, whose numbers LEAPP names alike", remedy="leave out {leapp}")
+    if (shared := _repeated(joints[str(actuator.joint)] for actuator in spec.action)) is not None:
+        raise ConfigError(f"several actuators drive joint {shared}: LEAPP has one torque for it", remedy="leave out {leapp}")
+    if subject.policy.hold > 1 and any(element.age for element in spec.observation):
+        raise ConfigError(
+            f"the policy acts once in {subject.policy.hold} control steps and sees single earlier ones: LEAPP cannot say it",
+            remedy="leave out {leapp}",
+        )
 
 
 def _repeated(names: Iterable[str]) -> str | None:
@@ -91,7 +96,7 @@ def _servo(env: EnvLike, spec: IOSpec) -> str | None:
 
 
 def _described(deployed: Deployed, spec: IOSpec, file: str, data: bytes, hold: int) -> dict[str, Any]:
-    joints = {joint.name: joint.model_name for joint in spec.joints}
+    joints = spec.model_names
     names = {
         "joint_positions": deployed.ports.positions,
         "joint_velocities": deployed.ports.velocities,

@@ -49,7 +49,7 @@ class Ports:
 
 def ports_of(spec: IOSpec) -> Ports:
     """Find what has to be measured for the observations of a spec."""
-    names = {joint.name: joint.model_name for joint in spec.joints}
+    names = spec.model_names
     used = {kinds: _joints(spec, kinds) for kinds in (OF_POSITION, OF_VELOCITY)}
     others = dict.fromkeys(one.name_now for one in spec.observation if _source(one) is None and one.quantity != "action")
     measured = [*((kind, name) for kind, joints in used.items() for name in joints), *((None, name) for name in others)]

@@ -46,7 +46,7 @@ def _scales(pairing: Pairing, gravity: float) -> str:
 
 
 def _joints(copy: Copy, source: IOSpec, target: IOSpec) -> list[str]:
-    own, others = ({joint.name: joint.model_name for joint in spec.joints} for spec in (source, target))
+    own, others = (spec.model_names for spec in (source, target))
     lines = []
     for name, model_name in own.items():
         reads = _terms({others[other]: share for other, share in copy.joints.get(name, {}).items()})

@@ -258,7 +258,7 @@ def check_free(path: Path) -> None:
 
 
 def is_run(path: str | Path) -> bool:
-    """Whether a training run was started in this folder."""
+    """Whether a training run was started in this folder, whatever its name: a path's own `exists` raises for one too long."""
     return os.path.exists(Path(path) / RECORD)
 
 

@@ -50,16 +50,15 @@ def core_id(name: str, version: int) -> str:
     return f"{name}-v{version}"
 
 
-def new_folder(zoo: Path, core_id: str) -> Path:
-    """The folder in a zoo of a core that is to be released.
+def check_place(folder: Path) -> None:
+    """Check that a core can be released in this folder of a zoo, before any work is done for it.
 
     Raises:
-        ArtifactError: it exists.
-        ConfigError: the zoo is no folder, or cannot be one.
+        ArtifactError: the version exists.
+        ConfigError: a file is in the zoo's place, or nothing can be written there.
     """
-    check_folder(zoo, "zoo")
-    check_unreleased(folder := zoo / core_id)
-    return folder
+    check_folder(folder.parent, "zoo")
+    check_unreleased(folder)
 
 
 def scored(returns: Sequence[tuple[float, ...]], threshold: float | None) -> Score:
