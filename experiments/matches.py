@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Parser
-from transferkit.cli.wording import worded
+from transferkit.cli.endings import ended
 from transferkit.envs import environment_ids
-from transferkit.errors import TransferkitError
 from transferkit.files import check_new, new_file
 from transferkit.zoo.find import Found, find_cores
 
 if TYPE_CHECKING:
+    import argparse
     from collections.abc import Sequence
 
 
@@ -27,13 +27,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser(prog="experiments.matches", description=__doc__)
     parser.add_argument("--env", action="append", help="id; may be given several times; by default every environment")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.csv")
-    try:
-        options = parser.parse_args(arguments)
-        check_new(options.out, "out", ".csv")
-        write(options.env or environment_ids(), options.out)
-    except TransferkitError as error:
-        print(f"error: {worded(error)}", file=sys.stderr)
-        return 2
+    return ended(lambda: run(parser.parse_args(arguments)), stopped="stopped; nothing was written")
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check the options, and write; 0."""
+    check_new(options.out, "out", ".csv")
+    write(options.env or environment_ids(), options.out)
     return 0
 
 

@@ -25,10 +25,9 @@ from experiments.matrix.cell import Cell
 from experiments.matrix.evaluation import forward_speed
 from experiments.matrix.table import NAN, VERSIONS, read_rows, write_rows
 from transferkit.cli.answer import Parser
-from transferkit.cli.wording import worded
+from transferkit.cli.endings import ended
 from transferkit.config import TrainConfig
 from transferkit.envs import make_env
-from transferkit.errors import TransferkitError
 from transferkit.evaluation import DEFAULT_EPISODES, evaluate
 from transferkit.versions import git_state, versions
 from transferkit.workers import worker_pool
@@ -61,7 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, nargs=2, metavar=("FIRST", "LAST"), required=True)
     parser.add_argument("--out", type=Path, required=True, help="table, such as runs/NAME/known/peer.csv")
     parser.add_argument("--workers", type=int, default=2)
-    try:
+
+    def command() -> int:
         options = parser.parse_args(arguments)
         first, last = options.seeds
         if last < first:
@@ -69,10 +69,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         seeds = range(first, last + 1)
         configs = [TrainConfig(env, seed=seed, steps=options.steps) for seed in seeds for env in options.env]
         run_missing(configs, options.out, options.workers)
-    except TransferkitError as error:
-        print(f"error: {worded(error)}", file=sys.stderr)
-        return 2
-    return 0
+        return 0
+
+    return ended(command, stopped="stopped; the same command goes on")
 
 
 def run_missing(configs: Sequence[TrainConfig], out: Path, workers: int) -> None:

@@ -13,8 +13,8 @@ from pathlib import Path
 from PIL import Image
 
 from transferkit.cli.answer import Parser
-from transferkit.cli.wording import worded
-from transferkit.errors import TransferkitError, UnknownNameError
+from transferkit.cli.endings import ended
+from transferkit.errors import UnknownNameError
 from transferkit.play.episodes import play_episodes
 from transferkit.subject import load_subject
 from transferkit.zoo.catalog import find_card
@@ -53,16 +53,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Draw; the exit status is 2 if an argument is wrong."""
     parser = Parser(prog="experiments.strips", description=__doc__)
     parser.add_argument("names", nargs="*")
-    try:
-        draw_all(parser.parse_args(arguments).names)
-    except TransferkitError as error:
-        print(f"error: {worded(error)}", file=sys.stderr)
-        return 2
-    return 0
+    return ended(lambda: draw_all(parser.parse_args(arguments).names), stopped="stopped; the same command goes on")
 
 
-def draw_all(names: Sequence[str]) -> None:
-    """Draw what is missing or named.
+def draw_all(names: Sequence[str]) -> int:
+    """Draw what is missing or named; 0.
 
     Raises:
         UnknownNameError: there is no such strip.
@@ -74,6 +69,7 @@ def draw_all(names: Sequence[str]) -> None:
     for name, env in STRIPS.items():
         if name in names or not (PICTURES / f"{name}.png").exists():
             draw(name.partition("_")[0], env, PICTURES / f"{name}.png")
+    return 0
 
 
 def draw(core: str, env: str | None, path: Path) -> None:

@@ -8,17 +8,15 @@ that ended, `evaluations.csv` one for each of their evaluations.
 from __future__ import annotations
 
 import argparse
-import contextlib
 import sys
 from collections.abc import Sequence
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from transferkit.cli.answer import Parser, whole
-from transferkit.cli.streams import check_readable, drop_output, mend_surroundings
-from transferkit.cli.wording import worded
+from transferkit.cli.endings import ended
+from transferkit.cli.streams import check_readable
 from transferkit.config.checks import AT_LEAST_ONE
-from transferkit.errors import InterruptedRunError, TransferkitError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -32,8 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--env", action="append", default=[], metavar="MODULE:ID", help="a target whose module may be run")
     parser.add_argument("--resume", action="store_true", help="the default: what is done is never run again")
     parser.add_argument("--dry-run", action="store_true", help="print the plan and run nothing")
-    mend_surroundings()
-    try:
+
+    def command() -> int:
         check_readable(sys.argv[1:] if arguments is None else arguments)
         options = parser.parse_args(arguments)
         from experiments.matrix.runner import run  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
@@ -41,16 +39,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return run(
             options.grid, options.out, workers=options.workers, ray=options.ray, dry_run=options.dry_run, named=options.env
         )
-    except KeyboardInterrupt:
-        print("stopped; the same command goes on", file=sys.stderr)
-        return 130
-    except TransferkitError as error:
-        print(f"error: {worded(error)}", file=sys.stderr)
-        return 130 if isinstance(error, InterruptedRunError) else 2
-    except OSError as error:  # perhaps of the output
-        with contextlib.suppress(OSError):
-            print(f"error: {worded(error)}", file=sys.stderr)
-        return drop_output(2)
+
+    try:
+        return ended(command, stopped="stopped; the same command goes on")
     except BrokenProcessPool:
         print("a worker died, perhaps of too little memory; the same command goes on", file=sys.stderr)
         return 1

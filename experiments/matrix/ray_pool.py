@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import socket
 from collections.abc import Callable, Iterator
@@ -10,11 +9,11 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from experiments.matrix.cell_folder import SPEED, folder, pack, unpack
 from transferkit.errors import ConfigError, reason_of
+from transferkit.extras import import_extra
 
 if TYPE_CHECKING:
     from experiments.matrix.cell import Cell
@@ -55,11 +54,11 @@ def connect(address: str) -> int:
     """Connect with a cluster on which transferkit is installed; returns how many cores it has.
 
     Raises:
-        ConfigError: Ray is not installed, the address is wrong, or no cluster answers.
+        ConfigError: Ray cannot be imported, the address is wrong, or no cluster answers.
     """
     _check_address(address)
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    ray = _ray()
+    ray = import_extra("ray", "cluster", "a Ray cluster")
     environment = {"py_modules": [str(Path(__file__).parents[1])], "env_vars": {"OMP_NUM_THREADS": "1"}}
     try:
         ray.init(address=address, runtime_env=environment, log_to_driver=False, logging_level="ERROR")
@@ -74,19 +73,11 @@ def connect(address: str) -> int:
 @contextmanager
 def ray_pool(out: Path) -> Iterator[RayPool]:
     """One run a core on every machine of the cluster that is connected; a lost machine's runs move on."""
-    ray = _ray()
+    ray = import_extra("ray", "cluster", "a Ray cluster")
     try:
         yield RayPool(ray.remote(num_cpus=1, max_retries=RETRIES)(_work), out)
     finally:
         ray.shutdown()
-
-
-def _ray() -> ModuleType:
-    """An extra, which takes seconds to import."""
-    try:
-        return importlib.import_module("ray")
-    except ImportError:
-        raise ConfigError("Ray is not installed", remedy="pip install 'transferkit[cluster]'") from None
 
 
 def _check_address(address: str) -> None:

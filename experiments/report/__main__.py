@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from transferkit.cli.answer import Parser
-from transferkit.cli.streams import check_readable, drop_output, mend_surroundings
-from transferkit.cli.wording import worded
-from transferkit.errors import TransferkitError
+from transferkit.cli.endings import ended
+from transferkit.cli.streams import check_readable
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,22 +18,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--out", type=Path, default=Path("report.html"), help="the page, which is replaced; by default %(default)s"
     )
-    mend_surroundings()
-    try:
+
+    def command() -> int:
         check_readable(sys.argv[1:] if arguments is None else arguments)
         options = parser.parse_args(arguments)
         from experiments.report.write import report  # noqa: PLC0415 - takes seconds, in which a Ctrl-C may come
 
         report(options.results, options.out)
-        sys.stdout.flush()
-    except KeyboardInterrupt:
-        print("stopped; nothing was reported", file=sys.stderr)
-        return 130
-    except (TransferkitError, OSError) as error:
-        with contextlib.suppress(OSError):
-            print(f"error: {worded(error)}", file=sys.stderr)
-        return drop_output(2)
-    return 0
+        return 0
+
+    return ended(command, stopped="stopped; nothing was reported")
 
 
 if __name__ == "__main__":

@@ -14,8 +14,7 @@ from experiments.study.crossings import PATH, STUDY, is_current, write_crossings
 from experiments.study.readme import render
 from experiments.study.rooms import find, names
 from transferkit.cli.answer import Parser
-from transferkit.cli.wording import worded
-from transferkit.errors import TransferkitError
+from transferkit.cli.endings import ended
 
 if TYPE_CHECKING:
     from experiments.study.rooms import Study
@@ -27,15 +26,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("claim", nargs="*", help="a folder of experiments/studies")
     parser.add_argument("--all", action="store_true", help="every study")
     parser.add_argument("--check", action="store_true", help="change nothing; fail if a table differs from its rows")
-    try:
+
+    def command() -> int:
         options = parser.parse_args(arguments)
         if options.all == bool(options.claim):
             parser.error("name a study, or pass --all")
         studies = [find(name) for name in (names() if options.all else options.claim)]
         return max([check(study) if options.check else write(study) for study in studies])
-    except TransferkitError as error:
-        print(f"error: {worded(error)}", file=sys.stderr)
-        return 2
+
+    return ended(command, stopped="stopped; the same command goes on")
 
 
 def write(study: Study) -> int:

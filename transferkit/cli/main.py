@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib
 import os
 import sys
@@ -12,9 +11,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import JSON_FLAG, Parser
-from transferkit.cli.streams import check_readable, drop_output, mend_surroundings
-from transferkit.cli.wording import worded
-from transferkit.errors import InterruptedRunError, TransferkitError, UnknownNameError
+from transferkit.cli.endings import USER_ERROR, ended
+from transferkit.cli.streams import check_readable
+from transferkit.errors import UnknownNameError
 
 if TYPE_CHECKING:
     from transferkit.cli.answer import Answer
@@ -45,29 +44,17 @@ KEPT = {"train": "; the last checkpoint is intact, --resume goes on from it"} | 
 )
 """How a command goes on that a Ctrl-C stopped at once."""
 
-USER_ERROR, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
+PREFIX = "transferkit: "
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run a command; the exit code is 0, 2 after a mistake, 130 after Ctrl-C."""
     os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch is imported; more threads slow small networks down
     threading.excepthook = _one_line
-    mend_surroundings()
     given = list(sys.argv[1:] if argv is None else argv)
     arguments = [argument for argument in given if argument != JSON_FLAG]
-    try:
-        try:
-            return _run(arguments, as_json=len(arguments) < len(given))
-        finally:
-            sys.stdout.flush()
-    except BrokenPipeError:  # `| head` has read enough
-        return drop_output(BROKEN_PIPE)
-    except KeyboardInterrupt:
-        return _say(f"stopped at once{KEPT.get(arguments[0], '')}", INTERRUPTED)
-    except TransferkitError as error:
-        return _say(worded(error), INTERRUPTED if isinstance(error, InterruptedRunError) else USER_ERROR)
-    except OSError as error:  # perhaps of the output
-        return drop_output(_say(worded(error), USER_ERROR))
+    stopped = f"{PREFIX}stopped at once{KEPT.get(arguments[0], '') if arguments else ''}"
+    return ended(lambda: _run(arguments, as_json=len(arguments) < len(given)), prefix=PREFIX, stopped=stopped)
 
 
 def _run(arguments: Sequence[str], *, as_json: bool) -> int:
@@ -96,13 +83,7 @@ def _parser() -> Parser:
     return parser
 
 
-def _say(text: str, code: int) -> int:
-    with contextlib.suppress(OSError):
-        print(f"transferkit: {text}", file=sys.stderr)
-    return code
-
-
 def _one_line(failure: threading.ExceptHookArgs) -> None:
     """Report a thread that fails in one line; TensorBoard's writer hands what went wrong to whoever writes next."""
     if type(failure.thread).__name__ != "_AsyncWriterThread":
-        print(f"transferkit: a background writer stopped: {failure.exc_value}", file=sys.stderr)
+        print(f"{PREFIX}a background writer stopped: {failure.exc_value}", file=sys.stderr)

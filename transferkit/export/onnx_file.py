@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import logging
 from dataclasses import asdict
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -15,8 +13,9 @@ from torch import Tensor, nn
 
 from transferkit.config.checks import check_kind
 from transferkit.envs import derive_spec
-from transferkit.errors import ConfigError, RunDirectoryError
+from transferkit.errors import RunDirectoryError
 from transferkit.export.drives import read_model
+from transferkit.extras import import_extra
 from transferkit.files import check_new, new_file
 from transferkit.policy.health import play
 from transferkit.record.format import Names
@@ -56,13 +55,13 @@ def export_onnx(subject: Subject, path: str | Path) -> float:
     Returns the largest difference to torch over 1,000 random observations.
 
     Raises:
-        ConfigError: the file exists, its folder does not, it cannot be written, or ONNX is not installed.
+        ConfigError: the file exists, its folder does not, it cannot be written, or ONNX cannot be imported.
         RunDirectoryError: the exported file does not act as the policy does.
     """
     path = Path(path)
     check_kind("subject", subject, Subject, "load it with load_subject")
     check_new(path, "out", ".onnx")
-    onnx, runtime = (_module(name) for name in ("onnx", "onnxruntime"))
+    onnx, runtime = (import_extra(name, "onnx", "export") for name in ("onnx", "onnxruntime"))
     spec = derive_spec(subject.env)
     exported = exported_policy(subject, spec)
     observation = _random_observations(subject.env)
@@ -101,10 +100,10 @@ def onnx_program(
     """Export a module; `shapes` are torch's dynamic shapes.
 
     Raises:
-        ConfigError: ONNX is not installed.
+        ConfigError: ONNX cannot be imported.
     """
     for name in ("onnx", "onnxscript"):  # torch exports through the last
-        _module(name)
+        import_extra(name, "onnx", "export")
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it warns that torchvision is not there
     program = torch.onnx.export(
         module,
@@ -147,13 +146,6 @@ def _about(subject: Subject, spec: IOSpec) -> dict[str, Any]:
         "versions": versions(),
         "source": subject.about,
     }
-
-
-def _module(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except ImportError:
-        raise ConfigError(f"export needs {name}, which is not installed", remedy="pip install 'transferkit[onnx]'") from None
 
 
 def _random_observations(env: EnvLike) -> Tensor:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -10,7 +9,7 @@ from typing import Any, TypeAlias
 import torch
 from torch import Tensor
 
-from transferkit.errors import ConfigError
+from transferkit.extras import import_extra
 from transferkit.interop.foreign import Layer
 from transferkit.reading import FormatError
 
@@ -75,13 +74,10 @@ def steps_of(data: bytes) -> list[Step]:
     """Read the chain.
 
     Raises:
-        ConfigError: the package onnx is not installed.
+        ConfigError: the package onnx cannot be imported.
         FormatError: it is damaged, or something in it is not read.
     """
-    try:
-        onnx = importlib.import_module("onnx")
-    except ImportError:
-        raise ConfigError("ONNX files need the package onnx", remedy="pip install 'transferkit[onnx]'") from None
+    onnx = import_extra("onnx", "onnx", "an ONNX file")
     try:
         model = onnx.load_model_from_string(data)
     except Exception:  # of protobuf, in many lines

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +11,7 @@ from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from transferkit.errors import RecordingError, reason_of
+from transferkit.extras import import_extra
 from transferkit.record.reader import Transitions, check_finite
 
 if TYPE_CHECKING:
@@ -29,9 +28,10 @@ def read_minari(dataset: str, spec: IOSpec) -> Transitions:
     """Read the steps of a local Minari dataset with flat observations and actions of this spec's dimensions.
 
     Raises:
-        RecordingError: Minari is not installed, there is no such dataset, or its dimensions do not fit.
+        ConfigError: Minari cannot be imported.
+        RecordingError: there is no such dataset, or its dimensions do not fit.
     """
-    minari = import_minari()
+    minari = import_extra("minari", "minari", "a dataset")
     try:
         loaded = minari.load_dataset(dataset)
         episodes = list(loaded.iterate_episodes())
@@ -73,15 +73,3 @@ def _shares(actions: NDArray[Any], space: object, dataset: str) -> tuple[NDArray
     beyond = int((np.abs(shares) > 1 + ROUNDING).any(axis=1).sum())
     note = f"Minari dataset {dataset}: {beyond} actions beyond the bounds of their space are clipped"
     return np.clip(shares, -1.0, 1.0), (note,) * bool(beyond)
-
-
-def import_minari() -> ModuleType:
-    """Import Minari.
-
-    Raises:
-        RecordingError: it is not installed.
-    """
-    try:
-        return importlib.import_module("minari")
-    except ImportError:
-        raise RecordingError("Minari is not installed", remedy="pip install 'transferkit[minari]'") from None

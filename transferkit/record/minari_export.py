@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from transferkit.envs import NO_LIMIT, dims, episode_limit, id_from_file, is_written, make_env
 from transferkit.errors import RecordingError, reason_of
-from transferkit.record.datasets import import_minari
+from transferkit.extras import import_extra
 from transferkit.record.format import Names
 from transferkit.record.reader import about_of, check_spec, read
 from transferkit.record.replay import different_versions
@@ -89,13 +89,13 @@ def export_minari(paths: Sequence[Path], dataset: str, *, env: str | None = None
         env: names the recordings' environment, which is needed if its id imports a module.
 
     Raises:
-        RecordingError: Minari is not installed, the dataset exists or has no version in its name, or the recordings do not
-            fit together.
+        ConfigError: Minari cannot be imported.
+        RecordingError: the dataset exists or has no version in its name, or the recordings do not fit together.
         EnvironmentContractError: the environment cannot be made, or needs a module that was not named.
     """
     if not re.fullmatch(r"(\w[\w-]*/)*\w[\w-]*-v\d{1,9}", dataset, re.ASCII):  # Minari fails after it has made the folder
         raise RecordingError("Minari dataset", value=dataset, allowed="a name with a version, such as hopper/mine-v0")
-    minari = import_minari()
+    minari = import_extra("minari", "minari", "a dataset")
     episodes = [episode for path in paths for episode in _whole_episodes(path)]
     if not episodes:
         raise RecordingError(f"{paths[0]} holds no whole episode", remedy="record it again", topic="recordings")
