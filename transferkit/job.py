@@ -203,6 +203,7 @@ class Job:
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
         to_beat = float(np.mean(probation.core)) if probation and probation.accepted and probation.core else None
         accounts = {"charged": charged, "to_beat": to_beat, "falls_back": self.untrained is not None}
+        accounts["keeps_peak"] = config.algo == "dyna-ddpg" and config.dyna.keep_peak
         return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
 
     def with_untrained(self, directory: RunDirectory, *, begun: bool) -> Job:

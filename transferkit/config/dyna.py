@@ -85,6 +85,9 @@ class DynaConfig:
     average_share: Annotated[float, SHARE] = 0.0
     """The policy that a run ends with is the average of those of the last share of its steps (Polyak & Juditsky 1992): one that
     is trained fast is good in one step and not in the next. 0 for the last policy itself."""
+    keep_peak: bool = False
+    """The policy that a run ends with is the one of its best five training episodes in a row (after Fujimoto et al. 2023), so
+    that what was learnt is not lost again."""
     overrun_steps: Annotated[int, NOT_NEGATIVE] = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: Annotated[int, BUFFER] = 1_000_000

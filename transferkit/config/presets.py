@@ -113,6 +113,11 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v3": Preset(
             network=DDPG_NETWORK, dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True), wrap=UNWEAKENED
         ),
+        "default-v4": Preset(
+            network=DDPG_NETWORK,
+            dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True, keep_peak=True),
+            wrap=WORTH_IT,
+        ),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -169,7 +174,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
-of the others until 2026-11-28, `default-v6` of PPO and `default-v3` of DYNA-PPO until 2026-11-29; `paper-v1` follows the
+of the others until 2026-11-28, `default-v6` of PPO and `default-v3` of the others until 2026-11-29; `paper-v1` follows the
 paper's code (docs: departures)."""
 
 

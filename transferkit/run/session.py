@@ -42,6 +42,7 @@ State = TypedDict(
         "return": list[float],
         "length": list[Count],
         "recent": list[float],
+        "peak": NotRequired[list[float]],
         "evaluated": Count,
         "evaluations": Count,
         "scores": NotRequired[dict[str, float]],
@@ -96,14 +97,18 @@ class Session:
         charged: Spent | None = None,
         to_beat: float | None = None,
         falls_back: bool = False,
+        keeps_peak: bool = False,
     ) -> None:
         """Start with what was `charged` before training; it counts as spent, and the trainer knows nothing of it.
 
-        `to_beat` is the mean return below which the learner is behind; one that `falls_back` is then stood in for.
+        `to_beat` is the mean return below which the learner is behind; one that `falls_back` is then stood in for. One that
+        `keeps_peak` is known by its best stretch of training, not by the latest.
         """
         self.directory, self.budget, self.spent = directory, budget, Spent() if charged is None else charged
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
-        self._to_beat, self._falls_back = to_beat, falls_back
+        self._to_beat, self._falls_back, self._keeps_peak = to_beat, falls_back, keeps_peak
+        self.peak: float | None = None
+        self.is_at_peak = True
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
         self._return, self._length = [0.0] * num_envs, [0] * num_envs
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -129,13 +134,12 @@ class Session:
     @property
     def is_behind(self) -> bool:
         """Whether there is a return to beat that the latest training episodes do not reach."""
-        latest = self.latest_return
-        return self._to_beat is not None and (latest is None or latest < self._to_beat)
+        return self._is_below(self.latest_return)
 
     @property
     def plays_core(self) -> bool:
         """Whether the untrained core stands in for what is learnt."""
-        return self._falls_back and self.is_behind
+        return self._falls_back and self._is_below(self.peak if self._keeps_peak else self.latest_return)
 
     @property
     def progress(self) -> float:
@@ -208,6 +212,7 @@ class Session:
             "return": list(self._return),
             "length": list(self._length),
             "recent": list(self._recent),
+            "peak": [] if self.peak is None else [self.peak],
             "evaluated": self._evaluated,
             "evaluations": self.evaluations,
             "scores": dict(self._scores),
@@ -231,6 +236,7 @@ class Session:
         self._seconds_before = self.spent.seconds
         self._return, self._length = list(map(float, state["return"])), list(map(int, state["length"]))
         self._recent.extend(state["recent"])
+        self.peak = next(iter(state.get("peak", [])), None)
         self._evaluated, self.evaluations = state["evaluated"], state["evaluations"]
         self._scores, self.evaluation_steps = scores, state.get("evaluation_steps", 0)
         self.best = next(iter(state.get("best", [])), None)
@@ -257,9 +263,16 @@ class Session:
         spent, total = self.spent, self._return[index]
         spent.episodes += 1
         self._recent.append(total)
+        latest = self.latest_return
+        self.is_at_peak = self.peak is None or (latest is not None and latest > self.peak)
+        if self.is_at_peak:
+            self.peak = latest
         length, seconds = self._length[index], round(spent.seconds, 3)
         self.directory.append(EpisodeRow(spent.episodes, index, total, length, int(terminated), spent.steps, seconds))
         self._return[index], self._length[index] = 0.0, 0
+
+    def _is_below(self, mean: float | None) -> bool:
+        return self._to_beat is not None and (mean is None or mean < self._to_beat)
 
     def _check_finite(self, metrics: Mapping[str, float]) -> None:
         for name, value in metrics.items():

@@ -67,6 +67,8 @@ class DynaTrainer:
             self._taken_up = False
         step = envs.step(action := agent.explore(observation), session.count)
         agent.observe(observation, action, step)
+        if session.is_at_peak and (step.done[0] or session.peak is None):
+            agent.keep()
         if session.trained.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
