@@ -42,11 +42,22 @@ def check_folder(path: Path, option: str) -> None:
     Raises:
         ConfigError: a file is in its way, or it cannot be written.
     """
-    nearest = next(place for place in (path, *path.parents) if os.path.exists(place))  # for names too long, too
+    nearest = next(place for place in (path, *path.parents) if _is_there(place, option))
     if not nearest.is_dir():
         raise ConfigError(f"{nearest} is not a folder", remedy=f"choose another {{{option}}}")
     if not os.access(nearest, os.W_OK):
         raise ConfigError(f"{nearest} cannot be written", remedy=f"choose another {{{option}}}")
+
+
+def _is_there(place: Path, option: str) -> bool:
+    """Whether a path has something, even a link to nothing; a name that nothing can have is refused."""
+    try:
+        place.lstat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError as error:
+        raise ConfigError(f"{place} cannot be a folder ({error.strerror})", remedy=f"choose another {{{option}}}") from None
+    return True
 
 
 @contextlib.contextmanager
@@ -130,8 +141,15 @@ def others_file(path: str | Path) -> Iterator[None]:
 
 
 def user_folder(variable: str, usual: str) -> Path:
-    """Transferkit's folder under a base folder of the XDG specification, such as `XDG_CACHE_HOME`, or under its usual one."""
-    return Path(os.environ.get(variable) or Path.home() / usual) / "transferkit"
+    """Transferkit's folder under a base folder of the XDG specification, such as `XDG_CACHE_HOME`, or under its usual one.
+
+    Raises:
+        ConfigError: neither is known.
+    """
+    try:
+        return Path(os.environ.get(variable) or Path.home() / usual) / "transferkit"
+    except RuntimeError:  # a user without a home
+        raise ConfigError("this user has no home folder", remedy=f"set {variable} or HOME to a folder") from None
 
 
 MISFITS = (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError)

@@ -315,7 +315,8 @@ def _known(value: object, recorded: object) -> object:
 def _device(name: str) -> torch.device:
     try:
         device = torch.device(name)
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError) as error:
+        torch.ones(1, device=device).item()  # which devices without numbers cannot
+        torch.Generator(device)
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
         raise ConfigError(f"device '{name}' cannot be used ({reason_of(error)})", remedy="use {device=cpu}") from None
     return device

@@ -18,8 +18,8 @@ class Streams:
     """
 
     def __init__(self, seed: int) -> None:
-        self.seed = int(seed) if isinstance(seed, np.integer) else seed
-        check_value("seed", self.seed, Seed)
+        check_value("seed", seed, Seed)
+        self.seed = int(seed)
 
     def integer(self, name: str, *index: int) -> int:
         """Draw a 32-bit seed for the stream's element `index`, to hand to somebody else's `seed=`."""

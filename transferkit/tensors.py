@@ -51,6 +51,8 @@ def parse_tensors(blob: bytes) -> tuple[dict[str, Tensor], dict[str, str]]:
             raise FormatError(f"{name} has type {tensor.dtype}")
         if not torch.isfinite(tensor).all():
             raise FormatError(f"{name} has NaN or infinite numbers")
+        if tensor.dtype == torch.float64 and not torch.isfinite(tensor.float()).all():
+            raise FormatError(f"{name} has numbers that float32 cannot hold")
     return tensors, metadata
 
 

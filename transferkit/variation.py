@@ -72,7 +72,11 @@ class Variation:
             if what not in NAMES:
                 raise UnknownNameError("variation", what, NAMES, topic="variations")
             values = value if isinstance(value, Mapping) else {part: value}
-            tables.setdefault(what, {}).update(values)
+            table = tables.setdefault(what, {})
+            for part in table.keys() & values.keys():
+                named = f"{what}.{part}" if part else what
+                raise ConfigError(f"{named} is given twice", remedy="leave one out", topic="variations")
+            table.update(values)
         single = {name: tables.pop(name)[""] for name in WHOLE if tables.get(name, {}).keys() == {""}}
         for name in (*WHOLE, "gravity"):
             if set(tables.get(name, ())) - ({""} if name == "gravity" else set()):

@@ -91,7 +91,7 @@ def paired(scores: Mapping[str, Scores], arms: tuple[str, ...]) -> dict[str, Sco
 
 def difference(scores: Mapping[str, Scores], arm: str) -> Difference | None:
     """Transfer minus an arm over the seeds that both have; None if there are fewer than two."""
-    if arm not in scores:
+    if not {TRANSFER, arm} <= scores.keys():
         return None
     usable = paired(scores, (TRANSFER, arm))
     return stats.paired_difference(usable[TRANSFER], usable[arm]) if usable[arm].shape[1] >= 2 else None
@@ -133,7 +133,7 @@ def _decide(
         return NONE, missing, ()
     assert found.scratch is not None
     against = f"the end against scratch {found.scratch.mean:+.4g}, {_interval(found.scratch)}"
-    if found.scratch.low <= -MARGIN * (span or 0.0):
+    if not found.scratch.low > -MARGIN * (span or 0.0):  # nor if it is no number
         return NONE, f"The core beats scratch and every control{on_the_whole}, but may end below scratch ({against}).", ()
     reason = f"The core beats scratch and every control{on_the_whole} in paired differences ({against})."
     return POSITIVE, reason, (*found.primary.values(), found.scratch)
@@ -141,7 +141,7 @@ def _decide(
 
 def _missing(found: Verdict, lacking: Sequence[str], on_the_whole: str) -> str:
     """What a claim lacks beside its end; nothing if it lacks nothing."""
-    if not_beaten := [name for name, difference in found.primary.items() if difference.low <= 0]:
+    if not_beaten := [name for name, difference in found.primary.items() if not difference.low > 0]:
         worst = min(not_beaten, key=lambda name: found.primary[name].low)
         amount = f"{worst}: {found.primary[worst].mean:+.4g}, {_interval(found.primary[worst])}"
         return f"The core is not clearly better than {' and '.join(not_beaten)}{on_the_whole} ({amount})."

@@ -10,17 +10,18 @@ from statistics import fmean
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
+from transferkit.cli.endings import USER_ERROR
 from transferkit.cli.environment import add_environment, environment
 from transferkit.cli.remote_zoo import REMOTE, SUMMARY, add_remote, cells, list_remote
 from transferkit.cli.wording import worded
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, TransferkitError
 from transferkit.table import format_table
 from transferkit.zoo.card import read_card
 from transferkit.zoo.catalog import core_folders, find_core, list_cards
 from transferkit.zoo.summary import Summary
 
 if TYPE_CHECKING:
-    from transferkit.errors import ArtifactError
+    from transferkit.zoo.find import Played
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -83,16 +84,23 @@ def _find(options: argparse.Namespace) -> Answer:
     data = [asdict(one) for one in found]
     if options.play:
         header += ["untrained", "zero action", "episodes above it"]
-        played = play_found(found, env, report=counting_progress("cores played"))
-        scores = [(f"{fmean(one.returns):.1f}", f"{fmean(one.zero):.1f}", f"{one.better} of {len(one.zero)}") for one in played]
-        table = [[*row, *more] for row, more in zip(table, scores, strict=True)]
-        data = [{**row, **asdict(one)} for row, one in zip(data, played, strict=True)]
+        played, failed = play_found(found, env, report=counting_progress("cores played"))
+        _say_errors(failed, "not played")
+        table = [[*row, *_scores(played.get(one.core))] for row, one in zip(table, found, strict=True)]
+        scores = {core: asdict(one) for core, one in played.items()}
+        data = [row | scores.get(one.core, {}) for row, one in zip(data, found, strict=True)]
     return Answer(data, format_table(header, table))
 
 
-def _say_errors(errors: Sequence[ArtifactError]) -> None:
+def _scores(played: Played | None) -> tuple[str, ...]:
+    if played is None:
+        return ("-",) * 3
+    return f"{fmean(played.returns):.1f}", f"{fmean(played.zero):.1f}", f"{played.better} of {len(played.zero)}"
+
+
+def _say_errors(errors: Sequence[TransferkitError], what: str = "not listed") -> None:
     for error in errors:
-        print(f"transferkit: not listed: {worded(error)}", file=sys.stderr)
+        print(f"transferkit: {what}: {worded(error)}", file=sys.stderr)
 
 
 def _verify(options: argparse.Namespace) -> Answer:
@@ -103,9 +111,16 @@ def _verify(options: argparse.Namespace) -> Answer:
     names = list(core_folders()) if options.all else options.ids
     if not names:
         raise ConfigError("no core to verify", remedy="name one, or use {all=True}", topic="cores")
-    reports = [verify(name, rollout=options.rollout, env=environment(options)) for name in names]
-    lines = []
+    reports, lines, damaged = [], [], []
+    for name in names:
+        try:
+            reports.append(verify(name, rollout=options.rollout, env=environment(options)))
+        except TransferkitError as error:
+            damaged.append(error)
     for report in reports:
         rolled = f", rolled out {report['rollout_mean']:.1f}" if options.rollout else ""
         lines.append(f"{report['id']}: hashes, schema and probe outputs fit (largest difference {report['probe']:.1e}){rolled}")
-    return Answer(reports, "\n".join(lines))
+    if not reports:
+        raise damaged[0]
+    _say_errors(damaged, "not verified")
+    return Answer(reports, "\n".join(lines), USER_ERROR if damaged else 0)

@@ -102,6 +102,8 @@ class TrainConfig:
         for name in SECTIONS:
             if getattr(self, name) is FROM_PRESET:
                 object.__setattr__(self, name, getattr(PRESETS[self.algo][version], name))
+            kind = type(getattr(PRESETS[self.algo][version], name))
+            check_kind(name, getattr(self, name), kind, f"make one: {kind.__name__}()")
         check(self)
         _check_combinations(self)
 

@@ -11,7 +11,7 @@ from transferkit.config.checks import (
     BATCH,
     MEMBERS,
     NOT_NEGATIVE,
-    POSITIVE,
+    RATE,
     Different,
     Hidden,
     Items,
@@ -46,7 +46,7 @@ class DistillConfig:
     passes: Annotated[int, AT_LEAST_ONE] = 4
     """Passes over all that was seen in each round; the last has five times as many."""
     batch: Annotated[int, BATCH] = 256
-    lr: Annotated[float, POSITIVE] = 1e-3
+    lr: Annotated[float, RATE] = 1e-3
     """Adam's, in the last round falling to zero."""
     hidden: Hidden = (256, 256)
     activation: Activation = "elu"

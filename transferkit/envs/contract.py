@@ -32,6 +32,12 @@ NO_LIMIT = 10_000
 GYMNASIUM = "gymnasium.envs.mujoco"
 """Module of the robots that take actions of any type; they get float64, of more digits than their spaces, as ever."""
 
+LARGEST_REWARD = 1e30
+"""Absolute value of a reward beyond which sums of them, which are float32, and their squares are no numbers."""
+
+NUMBERS, FLAGS = "fiub", "biu"
+"""NumPy's kinds of what may be a reward, and of what may say that an episode is over."""
+
 RESET = ("observation", "info")
 STEP = ("observation", "reward", "terminated", "truncated", "info")
 """What Gymnasium's environments return."""
@@ -85,16 +91,18 @@ class Contract(gymnasium.Wrapper):
             EnvironmentContractError: the environment raises, or returns other types or shapes than it declares.
             NotFiniteError: the action, the observation or the reward has NaN or an infinite number.
         """
-        scaled = self.scaled(action)
-        if not math.isfinite(scaled.sum()):
+        if not math.isfinite(action.sum(dtype=np.float64)):
             raise self._not_finite("the policy chose an action")
+        scaled = self.scaled(action)
         self._steps += 1
         try:
             observation, reward, terminated, truncated, info = self._answer(
                 self.env.step(scaled.astype(self._dtype, copy=False)), "step", STEP
             )
-            observation, reward = _as_float32(observation), float(reward)
-            terminated, truncated = bool(terminated), bool(truncated)
+            observation = _as_float32(observation)
+            reward = self._number(reward, "reward", NUMBERS)
+            terminated = bool(self._number(terminated, "terminated", FLAGS))
+            truncated = bool(self._number(truncated, "truncated", FLAGS))
         except (Exception, SystemExit) as error:
             raise self._broken(error, f"step {self._steps}") from error
         self._check(observation, reward, info)
@@ -107,7 +115,8 @@ class Contract(gymnasium.Wrapper):
     def scaled(self, action: NDArray[np.floating]) -> NDArray[np.float64]:
         """Put actions `(..., act_dim)` into the wrapped environment's own units, as `step` hands them on."""
         clipped = np.minimum(np.maximum(action, -self._limit), self._limit)  # a fifth of np.clip's time
-        return self._centre + self._half_range * clipped
+        scaled = self._centre + self._half_range * clipped
+        return np.minimum(np.maximum(scaled, self.low), self.high) if self.clip else scaled  # rounding may leave the bounds
 
     def close(self) -> None:
         """Close the environment."""
@@ -125,6 +134,17 @@ class Contract(gymnasium.Wrapper):
             )
         return answer
 
+    def _number(self, value: Any, what: str, kinds: str) -> float:  # noqa: ANN401 - of somebody else's code
+        """A number that an environment returned, of NumPy's kinds of numbers."""
+        kind = np.asarray(float(value) if isinstance(value, str) and kinds == NUMBERS else value)  # which says why it is none
+        if kind.shape or kind.dtype.kind not in kinds:
+            found = f"an array of shape {kind.shape}" if kind.shape else f"a value of type {type(value).__name__}"
+            wanted = "a number" if kinds == NUMBERS else "True or False"
+            raise EnvironmentContractError(
+                f"environment {name_of(self.env)} returned {found} for {what}, and not {wanted}", topic="environments"
+            )
+        return float(kind)
+
     def _check(self, observation: NDArray[np.float32], reward: float, info: object) -> None:
         if observation.shape != self.observation_space.shape or not isinstance(info, dict):
             returned = f"an observation of shape {observation.shape} and info of type {type(info).__name__}"
@@ -135,6 +155,12 @@ class Contract(gymnasium.Wrapper):
         # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
         if not math.isfinite(observation.sum(dtype=np.float64) + reward):
             raise self._not_finite(f"environment {name_of(self.env)} returned an observation or a reward")
+        if abs(reward) > LARGEST_REWARD:
+            raise NotFiniteError(
+                f"environment {name_of(self.env)} returned the reward {reward:g} in step {self._steps} of an episode, "
+                f"beyond {LARGEST_REWARD:g}",
+                remedy="scale its rewards",
+            )
 
     def _not_finite(self, what: str) -> NotFiniteError:
         return NotFiniteError(

@@ -206,6 +206,10 @@ def _check_room(space: gymnasium.Space, name: str) -> None:
     assert isinstance(space, Box)
     with np.errstate(over="ignore"):
         room = space.high.astype(float) - space.low.astype(float)
+    for k in np.flatnonzero(np.isnan(room)):
+        raise EnvironmentContractError(
+            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}", topic="environments"
+        )
     for k in np.flatnonzero(np.isinf(room)):
         raise EnvironmentContractError(
             f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}, too far apart", topic="environments"

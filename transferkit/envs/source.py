@@ -137,6 +137,10 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
         plain = str(replace(given, variation={}))
         return Varied(_from_id(plain, render_mode), dict(given.variation), lambda: _from_id(plain, None))
     kwargs: dict[str, Any] = dict(given.kwargs) | ({} if render_mode is None else {"render_mode": render_mode})
+    if "render_mode" in given.kwargs:  # a window without a display ends the process
+        raise EnvironmentContractError(
+            f"{text} sets render_mode", remedy="leave it out; `transferkit play` shows an environment"
+        )
     _check_files(text, kwargs)
     _check_repeats(given)
     if given.id.startswith(DM_CONTROL_PREFIX):

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from transferkit.errors import ConfigError
+from transferkit.errors import ConfigError, reason_of
 from transferkit.matching.files import check_match, load_match
 from transferkit.matching.match import Match, compiled, padded
 from transferkit.matching.pair import pair
@@ -18,9 +18,21 @@ if TYPE_CHECKING:
 
 
 def find_pairing(config: WrapConfig, source: IOSpec, target: IOSpec) -> Pairing:
-    """Pair a core's source with a target as a sandwich's settings say."""
-    found = pair(source, target, limbs=config.limbs, angles=config.angles, forces=config.forces, stagger=config.stagger)
-    return replace(found, hold=config.hold or found.hold)
+    """Pair a core's source with a target as a sandwich's settings say.
+
+    Raises:
+        ConfigError: their numbers are none that robots have.
+    """
+    try:
+        found = pair(source, target, limbs=config.limbs, angles=config.angles, forces=config.forces, stagger=config.stagger)
+        found = replace(found, hold=config.hold or found.hold)
+        compiled(found, source, target)
+    except (ValueError, ArithmeticError) as error:
+        raise ConfigError(
+            f"{source.env_id} cannot be matched with {target.env_id} ({reason_of(error)})",
+            remedy="look at the numbers of both: `transferkit envs show`, `transferkit zoo show`",
+        ) from None
+    return found
 
 
 def match_for(

@@ -8,6 +8,7 @@ from typing import Any
 
 import torch
 
+from transferkit.errors import NotFiniteError
 from transferkit.files import damaged_run, write_atomically
 from transferkit.reading import FormatError, parse, read_bytes
 from transferkit.tensors import LARGEST, dump_tensors, parse_tensors
@@ -17,9 +18,21 @@ _TREE = "tree"
 
 
 def save_state(path: Path, state: object) -> None:
-    """Write nested dicts and lists of tensors and JSON values as one safetensors file."""
+    """Write nested dicts and lists of tensors and JSON values as one safetensors file.
+
+    Raises:
+        NotFiniteError: a number is none that could be read again; the file is as it was.
+    """
     tensors: dict[str, torch.Tensor] = {}
-    tree = json.dumps(_without_tensors(state, tensors), allow_nan=False)
+    try:
+        tree = json.dumps(_without_tensors(state, tensors), allow_nan=False)
+    except ValueError:
+        tree = ""
+    if not tree or not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
+        raise NotFiniteError(
+            f"training came to NaN or infinity, which {path} does not take",
+            remedy="scale the rewards, or learn in smaller steps",
+        )
     write_atomically(path, dump_tensors(tensors, {_TREE: tree}))
 
 

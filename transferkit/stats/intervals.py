@@ -89,9 +89,10 @@ def crossed_interval(scores: ArrayLike, *, confidence: float = CONFIDENCE) -> tu
     factors = [means for means in (values.mean(axis=1), values.mean(axis=0)) if len(means) > 1 and np.ptp(means)]
     if not factors:
         return mean, mean
-    variances = [float(means.var(ddof=1)) / len(means) for means in factors]
+    unit = float(max(map(np.ptp, factors)))  # squares of what is very small are 0
+    variances = [float((means / unit).var(ddof=1)) / len(means) for means in factors]
     freedom = sum(variances) ** 2 / sum(v**2 / (len(means) - 1) for v, means in zip(variances, factors, strict=True))
-    return _student(mean, float(np.sqrt(sum(variances))), freedom, confidence)
+    return _student(mean, unit * float(np.sqrt(sum(variances))), freedom, confidence)
 
 
 def crossed_band(

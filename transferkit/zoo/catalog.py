@@ -23,7 +23,7 @@ def zoo_folders() -> list[Path]:
     """Return the folders whose subfolders are cores."""
     own = [Path(entry) for entry in os.environ.get(ZOO_PATH, "").split(os.pathsep) if entry]
     for folder in own:
-        if not folder.is_dir():
+        if not os.path.isdir(folder):  # also of a name too long
             logging.getLogger("transferkit").warning("%s names %s, which is no folder", ZOO_PATH, folder)
     return [*own, Path(core_zoo.__path__[0]), *pulled_folders()]
 
@@ -55,6 +55,17 @@ def find_core(name: str | Path) -> Path:
     raise UnknownNameError("core", str(name), list(folders), topic="cores")
 
 
+def checked_name(card: Card, name: str) -> Card:
+    """A card of the zoo, if it has the name of its folder, by which it is found.
+
+    Raises:
+        ArtifactError: it has another.
+    """
+    if card.id != name:
+        raise ArtifactError(f"the folder {name} holds the core {card.id}", remedy=f"call it {card.id}")
+    return card
+
+
 def find_card(name: str | Path) -> Card:
     """Read the card of a core by id or by path.
 
@@ -68,9 +79,9 @@ def find_card(name: str | Path) -> Card:
 def list_cards() -> tuple[list[Card], list[ArtifactError]]:
     """Read the card of every core; returns those that can be read, and what is wrong with the others."""
     cards, errors = [], []
-    for folder in core_folders().values():
+    for name, folder in core_folders().items():
         try:
-            cards.append(read_card(folder))
+            cards.append(checked_name(read_card(folder), name))
         except ArtifactError as error:
             errors.append(error)
     return cards, errors

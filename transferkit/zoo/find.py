@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from transferkit.envs import derive_spec
+from transferkit.errors import ConfigError, TransferkitError
 from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.matching import compiled, coverage
 from transferkit.policy.make import wrap
@@ -16,7 +17,6 @@ from transferkit.zoo.catalog import list_cards
 
 if TYPE_CHECKING:
     from transferkit.envs import EnvLike
-    from transferkit.errors import ArtifactError
     from transferkit.matching import Match
     from transferkit.zoo.card import Card
 
@@ -63,19 +63,23 @@ class Played:
         return sum(own > other for own, other in zip(self.returns, self.zero, strict=True))
 
 
-def find_cores(env: EnvLike) -> tuple[list[Found], list[ArtifactError]]:
+def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
     """Rank the cores of the zoo by how much of them an environment can represent.
 
-    Returns those of which anything can be, and what is wrong with cards that cannot be read.
+    Returns those of which anything can be, and what is wrong with cards that cannot be read or matched.
 
     Raises:
         UnknownNameError: no environment has this id.
         EnvironmentContractError: it cannot be put under the contract.
     """
-    target, (cards, errors) = derive_spec(env), list_cards()
-    found = []
+    target, (cards, unread) = derive_spec(env), list_cards()
+    found, errors = list[Found](), list[TransferkitError](unread)
     for card in cards:
-        match = compiled(pairing_of(card.source, target), card.source, target)
+        try:
+            match = compiled(pairing_of(card.source, target), card.source, target)
+        except ConfigError as error:
+            errors.append(ConfigError(f"core {card.id}: {error}"))
+            continue
         if match.holds:
             found.append(_found(card, match))
     return sorted(found, key=lambda one: -one.share), errors
@@ -87,13 +91,20 @@ def _found(card: Card, match: Match) -> Found:
     return Found(card.id, card.source.env_id, *shares, match.hold, match.copies, round(pairing.length, 4), pairing.forces)
 
 
-def play_found(found: Sequence[Found], env: EnvLike, *, report: Callable[[int, int], None] | None = None) -> list[Played]:
-    """Play each core untrained, and zero action beside it."""
+def play_found(
+    found: Sequence[Found], env: EnvLike, *, report: Callable[[int, int], None] | None = None
+) -> tuple[dict[str, Played], list[TransferkitError]]:
+    """Play each core untrained, and zero action beside it.
+
+    Returns what came of those that could be played, by core, and what is wrong with the others.
+    """
     zero = evaluate(ZeroPolicy(derive_spec(env).act_dim), env, episodes=EPISODES).returns
-    played = []
+    played, errors = dict[str, Played](), list[TransferkitError]()
     for k, one in enumerate(found):
-        returns = evaluate(wrap(load_core(one.core), env), env, episodes=EPISODES).returns
-        played.append(Played(returns, zero))
+        try:
+            played[one.core] = Played(evaluate(wrap(load_core(one.core), env), env, episodes=EPISODES).returns, zero)
+        except TransferkitError as error:
+            errors.append(error)
         if report is not None:
             report(k + 1, len(found))
-    return played
+    return played, errors

@@ -160,30 +160,6 @@ def test_a_policy_that_is_behind_its_core_is_held_as_firmly_at_the_end(full_core
     assert moved(holds=True, behind=True) < 0.5 * free
 
 
-@pytest.mark.parametrize("average_share", [0.0, 0.5])
-def test_what_is_kept_stays_what_it_was_and_its_normaliser_too(full_core, pendulum_spec, average_share):
-    observation = torch.randn(8, 4, generator=Streams(0).torch("x")).numpy()
-    policy, generator = wrap(full_core, pendulum_spec), Streams(0).torch("transitions")
-    made = make_agent(policy, pendulum_spec, replace(TINY, keep_peak=True, average_share=average_share))
-    made.steps = 20
-
-    def learnt():
-        for _ in range(20):
-            made.buffer.add(drawn(generator))
-            made.learn()
-        made.policy.update_normalizer(torch.randn(9, 4, generator=generator))
-        return policy.act(observation)
-
-    first = policy.act(observation)
-    np.testing.assert_array_equal(learnt(), first)
-    made.keep()
-    kept = policy.act(observation)
-    assert not np.allclose(kept, first, atol=1e-4)
-    np.testing.assert_array_equal(kept, made.average.act(observation))
-    np.testing.assert_array_equal(learnt(), kept)
-    assert np.allclose(made.average.act(observation), made.policy.act(observation), atol=1e-6) == (average_share == 0)
-
-
 def test_a_wrapped_core_stays_while_it_is_frozen(full_core, pendulum_spec):
     policy = wrap(full_core, pendulum_spec, freeze={"core": 0.5})
     made = make_agent(policy, pendulum_spec, TINY, model=replace(MODEL, members=3), wrapped=True)

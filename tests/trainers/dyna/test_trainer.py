@@ -1,16 +1,18 @@
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from tests.runs import interrupt_at
-from transferkit import run_training, wrap
+from transferkit import load_policy, run_training, wrap
 from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import derive_spec
 from transferkit.errors import DivergedError, InterruptedRunError
 from transferkit.policy.critic_and_model import make_dynamics
 from transferkit.run import EpisodeRow, load_state, read_table, save_state
 from transferkit.streams import Streams
+from transferkit.trainers.dyna.trainer import DynaTrainer
 
 IDP = "InvertedDoublePendulum-v5"
 TINY = {
@@ -60,3 +62,29 @@ def test_a_wrapped_model_trains_on_another_robot(full_core, full_core_folder, tm
     saved = load_state(tmp_path / "run/policy.safetensors")["parts"]["dynamics"]["weights"]
     assert saved.keys() == before.keys()
     assert not torch.equal(saved["ensemble.core.body.0.weight"], before["ensemble.core.body.0.weight"])
+
+
+@pytest.mark.parametrize("core", [False, True])
+def test_a_run_ends_with_the_policy_of_its_best_stretch_and_learns_as_if_it_did_not(
+    core, full_core_folder, tmp_path, monkeypatch
+):
+    config = replace(SMALL, core=str(full_core_folder)) if core else SMALL
+    config = with_settings(config, {"wrap.probation": 0, "wrap.fall_back": False, "wrap.least_gain": 0.0})
+    kept, keep = [], DynaTrainer._keep
+
+    def spied(trainer):
+        keep(trainer)
+        kept.append(trainer.agent.policy.act(np.full((1, 9), 0.1, np.float32)))
+
+    monkeypatch.setattr(DynaTrainer, "_keep", spied)
+    returns, ends = [], []
+    for name, keeps in (("last", False), ("peak", True)):
+        kept.clear()
+        run_training(with_settings(config, {"dyna.keep_peak": keeps}), out=tmp_path / name)
+        returns.append(read_table(tmp_path / name, EpisodeRow)["return"])
+        ends.append(load_policy(tmp_path / name).act(np.full((1, 9), 0.1, np.float32)))
+    assert returns[0].tolist() == returns[1].tolist()
+    means = [returns[1][k : k + 5].mean() for k in range(len(returns[1]) - 4)]
+    assert np.argmax(means) < len(means) - 1  # the last is not the best
+    assert not np.allclose(*ends, atol=1e-4)
+    np.testing.assert_allclose(ends[1], kept[-1], atol=1e-6)

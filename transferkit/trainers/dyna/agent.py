@@ -59,11 +59,10 @@ class Agent:
     ) -> None:
         """Make buffer, optimisers and target networks for an environment with this time step in seconds.
 
-        `policy` becomes the average of what is learnt, or what is kept of it, if the configuration asks for that.
+        `policy` becomes the average of what is learnt, if the configuration asks for one.
         """
-        self.kept, self.critic, self.model, self.device = policy, critic, model, device
-        self.average = copy.deepcopy(policy) if config.keep_peak else policy
-        self.policy = policy = self._copy(self.average) if config.average_share else self.average
+        self.average, self.critic, self.model, self.device = policy, critic, model, device
+        self.policy = policy = self._copy(policy) if config.average_share else policy
         self.config, self.model_config = config, model_config
         self.hold = policy.hold if policy.has_core else config.hold_steps(time_step)  # a core acts at the rate it learnt
         self.step_discount = config.discount(time_step)
@@ -128,7 +127,6 @@ class Agent:
         self._warming_up = False
         if self.buffer.added and self.needs_model:
             self._fit()
-        self.keep()  # with what was seen
 
     def learn(self) -> None:
         """Do the updates that follow one environment step; none before the buffer holds a batch, or while an action is held."""
@@ -158,11 +156,6 @@ class Agent:
                 slow.lerp_(fast, config.tau)
             for average, fast in zip(self._averages, self.actor_optimizer.flat, strict=False):
                 average.lerp_(fast, min(1.0, self.hold / max(1.0, config.average_share * self.steps)))
-
-    def keep(self) -> None:
-        """Keep what the run would end with now."""
-        if self.kept is not self.average:
-            self.kept.load_state_dict(self.average.state_dict())
 
     @property
     def reward_scale(self) -> float:
@@ -309,8 +302,6 @@ class Agent:
         modules: dict[str, nn.Module] = {name: getattr(self, name) for name in names}
         if self._averages:
             modules["average"] = self.average
-        if self.config.keep_peak:
-            modules["kept"] = self.kept
         if self.first_policy is not None:
             modules["first_policy"] = self.first_policy
         return modules

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -47,8 +48,13 @@ class DynaTrainer:
         *,
         compiles: bool = False,
     ) -> None:
-        """Make critics, model and agent; `prior` are the arrays of a `Batch` of elsewhere, learnt from like the run's own."""
+        """Make critics, model and agent; `prior` are the arrays of a `Batch` of elsewhere, learnt from like the run's own.
+
+        `policy` becomes what is learnt, or what is kept of it, if the configuration asks for that.
+        """
         dyna, hidden = config.dyna, config.network.hidden
+        self.kept = policy if dyna.keep_peak else None
+        policy = copy.deepcopy(policy) if dyna.keep_peak else policy
         self.overrun_steps = dyna.overrun_steps
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
@@ -58,6 +64,7 @@ class DynaTrainer:
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))
+            self._keep()  # with what was seen
 
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
         """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""
@@ -68,7 +75,7 @@ class DynaTrainer:
         step = envs.step(action := agent.explore(observation), session.count)
         agent.observe(observation, action, step)
         if session.is_at_peak and (step.done[0] or session.peak is None):
-            agent.keep()
+            self._keep()
         if session.trained.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
@@ -79,16 +86,23 @@ class DynaTrainer:
 
     def state(self) -> dict[str, Any]:
         """Return everything that the next step depends on."""
-        return self.agent.state()
+        return self.agent.state() | ({} if self.kept is None else {"kept": self.kept.state_dict()})
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take what `state` returned."""
         self.agent.restore(state)
+        if self.kept is not None:
+            self.kept.load_state_dict(state["kept"])
 
     def trained(self) -> dict[str, nn.Module]:
         """Return the critics, and the model if it was fitted."""
         agent = self.agent
         return {"critic": agent.critic, **({"dynamics": agent.model} if agent.fitted else {})}
+
+    def _keep(self) -> None:
+        """Keep what the run would end with now."""
+        if self.kept is not None:
+            self.kept.load_state_dict(self.agent.average.state_dict())
 
     def _check_values(self, session: Session) -> None:
         value = abs(self.agent.metrics().get("value", 0.0))

@@ -107,8 +107,12 @@ def pulled_folder(digest: str) -> Path:
 
 
 def pulled_folders() -> list[Path]:
-    """The folders that hold one pulled core each."""
-    return sorted(path for path in (cache_folder() / "cores").glob("*") if not path.name.startswith("."))
+    """The folders that hold one pulled core each; none for a user without a home."""
+    try:
+        cores = cache_folder() / "cores"
+    except ConfigError:
+        return []
+    return sorted(path for path in cores.glob("*") if not path.name.startswith("."))
 
 
 def _write(listed: list[Root]) -> None:
