@@ -5,7 +5,8 @@ import resource
 import pytest
 
 from transferkit.errors import ConfigError, RunDirectoryError
-from transferkit.files import check_folder, check_new, new_file, read_json, write_atomically, write_json
+from transferkit.files import check_folder, check_new, new_file, read_json, user_folder, write_atomically, write_json
+from transferkit.zoo.remote.roots import pulled_folders
 
 
 def test_json_makes_the_round_trip_and_leaves_no_other_file(tmp_path):
@@ -70,3 +71,21 @@ def test_a_new_file_has_its_ending_and_a_folder_no_file_in_its_way(tmp_path):
         check_folder(tmp_path / "file/deep/er", "out")
     check_folder(tmp_path / "deep/er", "out")
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_what_no_folder_can_be_is_refused_before_any_work(tmp_path):
+    (tmp_path / "loop").symlink_to("loop")
+    for path in (tmp_path / "loop", tmp_path / ("x" * 300)):
+        with pytest.raises(ConfigError, match="choose another out"):
+            check_folder(path, "out")
+
+
+def test_a_user_without_a_home_is_told_what_to_set(monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr("pathlib.Path.home", homeless)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    with pytest.raises(ConfigError, match="no home folder; set XDG_CACHE_HOME or HOME"):
+        user_folder("XDG_CACHE_HOME", ".cache")
+    assert pulled_folders() == []

@@ -47,6 +47,8 @@ def read_bytes(path: Path, most: int, *, follow: bool = True) -> bytes:
         FormatError: it is a device, a pipe or a folder, or is larger.
         OSError: it cannot be opened.
     """
+    if "\0" in str(path):
+        raise FormatError("no file's name has a null character")
     flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | (0 if follow else os.O_NOFOLLOW)
     with open(path, "rb", opener=lambda name, _: os.open(name, flags)) as file:
         status = os.fstat(file.fileno())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER
 from experiments.matrix.cell import Cell
 from transferkit.budget import Budget
-from transferkit.config import SECTIONS, TrainConfig, with_settings
+from transferkit.config import SECTIONS, TrainConfig, check_read, with_settings
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, SettingError, TransferkitError, UnknownNameError
 from transferkit.zoo.artifact import load_core
@@ -131,18 +131,19 @@ class Grid:
         else:
             with at("budget"):
                 Budget(**bounds)
+        settings = _by_dotted_name(trainer.set)
         with at("trainer"):
-            return with_settings(
-                TrainConfig(
-                    self.targets[0],
-                    algo=trainer.algo,
-                    preset=trainer.preset,
-                    **bounds,
-                    eval_every=self.eval_every,
-                    eval_episodes=self.eval_episodes,
-                ),
-                _by_dotted_name(trainer.set),
+            config = TrainConfig(
+                self.targets[0],
+                algo=trainer.algo,
+                preset=trainer.preset,
+                **bounds,
+                eval_every=self.eval_every,
+                eval_episodes=self.eval_episodes,
             )
+            config = with_settings(config, settings)
+            check_read(replace(config, core=next(iter(self.cores), None)), settings)
+            return config
 
     def _build(self, config: TrainConfig) -> None:
         """Build every core into every target once for every way in which the arms do it."""

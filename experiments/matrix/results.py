@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiments.matrix.arms import UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER
 from experiments.matrix.cell_folder import CELLS, DamagedError, cell_folders, read_cell
 from experiments.matrix.run_table import columns
 from experiments.matrix.table import CURVE_COLUMNS, read_rows, write_csv, write_rows
@@ -64,6 +65,7 @@ def read_results(out: Path) -> Results:
         else:
             if row is not None:
                 _add(rows, row, where)
+    check_consistent(rows.values(), out)
     return Results([rows[key] for key in sorted(rows)], damaged)
 
 
@@ -88,6 +90,25 @@ def evaluations(out: Path, rows: Iterable[Row]) -> list[dict[str, object]]:
             for steps, episodes, *others in points:
                 found.append(dict(zip(CURVE_COLUMNS, (row.id, int(steps), int(episodes), *others), strict=True)))
     return found
+
+
+def check_consistent(rows: Iterable[Row], path: Path) -> None:
+    """Refuse rows of a core where an arm has none, and a run that is there under two ids.
+
+    Raises:
+        RunDirectoryError: there is one.
+    """
+    places: dict[object, str] = {}
+    for row in rows:
+        bare = row.arm in WITHOUT_CORE or row.arm in UNTRAINED
+        if bare == bool(row.core) or (row.member and row.arm in WITHOUT_MEMBER):
+            what = f"core {row.core or 'none'}, member {row.member}"
+            raise RunDirectoryError(f"{path} has a run of the arm {row.arm} with {what}", remedy="mend or remove it")
+        settings = row.algo, row.preset, row.overrides, row.budget, row.eval_every, row.eval_episodes
+        place = row.target, row.trainer, row.arm, row.core, row.member, row.seed, settings
+        if (other := places.setdefault(place, row.id)) != row.id:
+            run = f"{row.arm} on {row.target} with seed {row.seed}"
+            raise RunDirectoryError(f"{path} has the run {run} as {other} and as {row.id}", remedy="keep one")
 
 
 def _add(rows: dict[str, Row], row: Row, where: Path) -> None:

@@ -9,12 +9,12 @@ import shlex
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,7 @@ from experiments.matrix.results import TABLE, collect, read_results
 from transferkit.errors import ConfigError, InterruptedRunError, RunDirectoryError, RunInUseError, printable
 from transferkit.files import read_json, write_json
 from transferkit.policy.saved import load_policy
-from transferkit.run.directory import RESULT
+from transferkit.run import RESULT, is_run, read_record
 from transferkit.training import run_training
 from transferkit.workers import GRACE, import_beside, worker_pool
 from transferkit.zoo.artifact import load_core
@@ -98,6 +98,7 @@ def run(
     if not dry_run:
         rename(out, cells)
     done = {row.id for row in results.finished}
+    check_cores(out, [cell for cell in cells if cell.id in done])
     todo = [cell for cell in cells if cell.id not in done]
     if todo and ray is None and not dry_run:
         # While the plan tries how fast a run is.
@@ -123,6 +124,20 @@ def make_folders(out: Path) -> None:
             tempfile.TemporaryFile(dir=place).close()
     except OSError as error:
         raise ConfigError(f"{place} cannot be written ({error.strerror})", remedy="choose another {out}") from None
+
+
+def check_cores(out: Path, cells: Iterable[Cell]) -> None:
+    """Refuse a core that is not the one of the runs that are here, though it has its name.
+
+    Raises:
+        ConfigError: there is one.
+    """
+    digest = cache(lambda name: load_core(name).digest)
+    for cell in cells:
+        path = folder(out, cell) / "run"
+        recorded = read_record(path).get("core_digest") if cell.core and is_run(path) else None
+        if recorded and recorded != digest(cell.core):
+            raise ConfigError(f"{path} was run around another core with the name {cell.core}", remedy="choose another {out}")
 
 
 def rename(out: Path, cells: Sequence[Cell]) -> None:

@@ -153,7 +153,7 @@ def _number(text: str) -> float:
 
 
 def _whole(text: str) -> int:
-    number = int(text) if len(text) < 20 else -1
+    number = int(text) if len(text) < 20 and text.isascii() and text.isdecimal() else -1
     if not 0 <= number < 2**63:
         raise ValueError(text)
     return number

@@ -77,6 +77,11 @@ class Bad(Counter):
             "nan observation": (observation * np.nan, reward, terminated, truncated, info),
             "huge observation": (observation * 0 + 1e300, reward, terminated, truncated, info),
             "info": (observation, reward, terminated, truncated, None),
+            "huge reward": (observation, 1e39, terminated, truncated, info),
+            "numeral": (observation, "1.5", terminated, truncated, info),
+            "rewards": (observation, np.ones(1), terminated, truncated, info),
+            "truncated": (observation, reward, terminated, "no", info),
+            "terminated": (observation, reward, None, truncated, info),
         }[self.fault]
 
 
@@ -91,6 +96,11 @@ class Bad(Counter):
         ("nan observation", NotFiniteError, "NaN or infinity in step 1"),
         ("huge observation", NotFiniteError, "NaN or infinity in step 1"),
         ("info", EnvironmentContractError, "info of type NoneType"),
+        ("huge reward", NotFiniteError, r"the reward 1e\+39 in step 1 of an episode, beyond 1e\+30; scale its rewards"),
+        ("numeral", EnvironmentContractError, "a value of type str for reward, and not a number"),
+        ("rewards", EnvironmentContractError, r"an array of shape \(1,\) for reward, and not a number"),
+        ("truncated", EnvironmentContractError, "a value of type str for truncated, and not True or False"),
+        ("terminated", EnvironmentContractError, "a value of type NoneType for terminated, and not True or False"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -100,11 +110,41 @@ def test_what_an_environment_must_not_do_is_one_line_in_evaluation_too(fault, ki
     assert "\n" not in str(error.value)
 
 
-def test_a_policy_that_answers_nan_is_named():
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_a_policy_that_answers_no_number_is_named(number):
     env = make_env(Counter(5))
     env.reset(seed=0)
-    with pytest.raises(NotFiniteError, match="the policy chose an action with NaN"):
-        env.step(np.array([np.nan], np.float32))
+    with pytest.raises(NotFiniteError, match="the policy chose an action with NaN or infinity"):
+        env.step(np.array([number], np.float32))
+
+
+def test_full_actions_stay_within_the_bounds():
+    class Bounded(Counter):
+        action_space = gymnasium.spaces.Box(np.array([-0.2]), np.array([2.3]), dtype=np.float64)
+
+        def step(self, action):
+            assert self.action_space.contains(action)
+            return super().step(action)
+
+    env = make_env(Bounded(5))
+    env.reset(seed=0)
+    for action in (-1.0, 1.0):  # 1.05 - 1.25 is -0.2 and an ulp
+        env.step(np.array([action], np.float32))
+
+
+def test_a_bound_that_is_no_number_is_refused():
+    class Unbound(Counter):
+        action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+    env = Unbound(5)
+    env.action_space.low[0] = np.nan
+    with pytest.raises(EnvironmentContractError, match="action 0 of Unbound has bounds nan to 1"):
+        make_env(env)
+
+
+def test_no_id_opens_a_window():
+    with pytest.raises(EnvironmentContractError, match="sets render_mode; leave it out"):
+        make_env("InvertedPendulum-v5?render_mode=human")
 
 
 def test_an_episode_is_truncated_where_the_user_says(caplog):

@@ -258,3 +258,9 @@ def test_a_pole_that_gravity_pulls_up_hangs():
 def test_numbers_of_numpy_are_numbers_in_lists_too():
     changes = {"drop_observation": [np.int64(1)], "delay": (np.int64(1), np.int64(2)), "mass": (np.float64(0.5), np.float32(2))}
     assert recorded(vary(HOPPER, **changes)) == f"{HOPPER}?vary.mass=[0.5,2.0]&vary.delay=[1,2]&vary.drop_observation=[1]"
+
+
+def test_a_change_that_is_given_in_two_ways_is_refused():
+    for given in ('vary.mass={"pole":2}&vary.mass.pole=3', "vary.gravity=2&vary.gravity.=3"):
+        with pytest.raises(ConfigError, match="is given twice; leave one out"):
+            make_env(f"InvertedPendulum-v5?{given}")

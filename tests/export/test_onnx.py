@@ -47,3 +47,12 @@ def test_a_policy_whose_actions_are_not_clipped_is_exported_so(tmp_path):
         (action,) = onnxruntime.InferenceSession(path).run(["action"], {"observation": observation})
         limits[clip] = float(np.abs(action).max())
     assert limits[True] == 3.0 < limits[False]
+
+
+def test_angles_are_the_same_on_the_axes(tmp_path):
+    subject = load_subject("inverted-pendulum-v1", env="dm_control/cartpole-balance-v0")
+    export_onnx(subject, tmp_path / "policy.onnx")
+    turns = [(-1.0, 0.0), (-1.0, -0.0), (0.0, 1.0), (-0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (1.0, -0.0)]  # cosine, sine
+    observation = np.array([(0.1, *turn, 0.2, 0.1) for turn in turns], np.float32)
+    (action,) = onnxruntime.InferenceSession(tmp_path / "policy.onnx").run(["action"], {"observation": observation})
+    np.testing.assert_allclose(action, subject.policy.act(observation).clip(-1.0, 1.0), atol=1e-5)

@@ -90,3 +90,9 @@ NORMAL = [
 @pytest.mark.parametrize("case", range(len(NORMAL)))
 def test_intervals_of_95_percent_cover_the_truth_so_often(case):
     assert 0.92 <= coverage(*NORMAL[case]) <= 0.975
+
+
+@pytest.mark.parametrize("scale", [1e-120, 1.0, 1e120])
+def test_an_interval_scales_with_its_values(scale):
+    values = np.array([[1.0, 2.0, 4.0], [2.0, 3.0, 7.0]])
+    np.testing.assert_allclose(np.array(crossed_interval(values * scale)) / scale, crossed_interval(values))

@@ -189,15 +189,15 @@ def preset_version(algo: Algorithm, name: str) -> str:
     Raises:
         UnknownNameError: an unknown trainer, or a preset that it does not have.
     """
-    if algo not in PRESETS:
-        raise UnknownNameError("trainer", algo, [*PRESETS])
+    if not isinstance(algo, str) or algo not in PRESETS:
+        raise UnknownNameError("trainer", str(algo), [*PRESETS])
     versions = PRESETS[algo]
-    if name in versions:
+    if name in [*versions]:
         return name
     newest = [version for version in versions if preset_family(version) == name]
     if not newest:
         families = dict.fromkeys(preset_family(version) for version in versions)
-        raise UnknownNameError(f"preset of {algo}", name, [*families, *versions])
+        raise UnknownNameError(f"preset of {algo}", str(name), [*families, *versions])
     return max(newest, key=lambda version: int(version.rpartition("-v")[2]))
 
 

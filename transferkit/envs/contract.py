@@ -136,7 +136,9 @@ class Contract(gymnasium.Wrapper):
 
     def _number(self, value: Any, what: str, kinds: str) -> float:  # noqa: ANN401 - of somebody else's code
         """A number that an environment returned, of NumPy's kinds of numbers."""
-        kind = np.asarray(float(value) if isinstance(value, str) and kinds == NUMBERS else value)  # which says why it is none
+        if isinstance(value, str) and kinds == NUMBERS:
+            float(value)  # which says why it is none
+        kind = np.asarray(value)
         if kind.shape or kind.dtype.kind not in kinds:
             found = f"an array of shape {kind.shape}" if kind.shape else f"a value of type {type(value).__name__}"
             wanted = "a number" if kinds == NUMBERS else "True or False"

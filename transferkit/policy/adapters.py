@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import torch
@@ -63,9 +64,18 @@ class InputAdapter(nn.Module):
 
     def matched(self, observation: Tensor) -> Tensor:
         """Compute matched quantities in the source's physical units, `(..., copies * d_source)`; zero if nothing matched."""
-        angles = torch.atan2(observation[..., self.sin], observation[..., self.cos])
+        atan2 = exported_atan2 if torch.compiler.is_exporting() else torch.atan2
+        angles = atan2(observation[..., self.sin], observation[..., self.cos])
         z = torch.cat([observation, angles], -1) @ self.weight.T + self.bias
         return self.form[0] * z + self.form[1] * z.sin() + self.form[2] * z.cos()
+
+
+def exported_atan2(y: Tensor, x: Tensor) -> Tensor:
+    """`torch.atan2` of operations that ONNX has: what torch exports is wrong on both axes."""
+    below = (y < 0) | ((y == 0) & (1 / y < 0))
+    half_turn = torch.where(below, -math.pi, math.pi)
+    angle = torch.atan(y / torch.where(x == 0, 1.0, x)) + torch.where(x < 0, half_turn, 0.0)
+    return torch.where((x == 0) & (y != 0), half_turn / 2, angle)
 
 
 def output_adapter(

@@ -60,6 +60,7 @@ WRONG = {
     "property as a setting": setting('"ppo.capacity" = 1', "unknown setting 'ppo.capacity'"),
     "algo": trainer('algo = "sac"', "trainer: unknown trainer 'sac'"),
     "preset of another trainer": trainer('algo = "dyna-ppo"\npreset = "paper"', "unknown preset of dyna-ppo 'paper'"),
+    "setting of another trainer": setting('"dyna.horizon" = 7', "dyna.horizon is not a setting of ppo"),
     "negative width": setting('"network.hidden" = [-1]', "network.hidden=.* must be"),
     "half a width": setting('"network.hidden" = [64, 0.5]', "network.hidden=.* must be a list, each item a whole number"),
     "discount": setting('"ppo.gamma" = 2.0', "ppo.gamma=2.0 must be at least 0 and at most 1"),

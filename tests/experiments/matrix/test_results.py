@@ -55,3 +55,18 @@ def test_evaluations_are_a_table_by_run(copy):
     trained = [row for row in rows if row.trainer]
     assert len(lines) == 1 + 3 * len(trained)  # before, after 128 steps, and at the end
     assert {line.partition(",")[0] for line in lines[1:]} == {row.id for row in trained}
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"arm": "scratch"}, "a run of the arm scratch with core"),
+        ({"core": ""}, "a run of the arm transfer with core none"),
+        ({"id": "f" * 16, "eval_return_mean": 0.0}, "has the run transfer on .* with seed 0 as .* and as"),
+    ],
+)
+def test_rows_that_contradict_what_they_are_of_are_refused(results, tmp_path, changed, message):
+    row = next(row for row in read_results(results).finished if row.arm == "transfer")
+    known(tmp_path, "a.csv", [row, replace(row, **changed)] if "id" in changed else [replace(row, **changed)])
+    with pytest.raises(RunDirectoryError, match=message):
+        read_results(tmp_path)

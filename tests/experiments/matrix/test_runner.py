@@ -15,7 +15,7 @@ from experiments.matrix.cell_folder import ERROR, Failure, folder
 from experiments.matrix.grid_toml import load_cells
 from experiments.matrix.results import EVALUATIONS, TABLE, collect, read_results
 from experiments.matrix.runner import FullDiskError, run_cell
-from transferkit.files import read_json, writing
+from transferkit.files import read_json, write_json, writing
 
 
 def table(out, name=TABLE):
@@ -119,3 +119,15 @@ def test_what_takes_long_to_import_waits_until_ctrl_c_is_heeded():
     modules = "experiments.matrix.__main__, experiments.report.__main__"
     code = f"import sys, {modules}; sys.exit(bool({{'torch', 'numpy'}} & {{*sys.modules}}))"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+
+
+def test_another_core_of_the_same_name_is_not_what_ran(full_core_folder, grid, tmp_path, capsys):
+    path = grid('cores = ["inverted-pendulum-v1"]', f'cores = ["{full_core_folder}"]')
+    (cell, *_) = [cell for cell in load_cells(path) if cell.arm == "transfer"]
+    assert run_cell(cell, tmp_path / "out", "test").error == ""
+    assert main([str(path), "--out", str(tmp_path / "out"), "--dry-run"]) == 0
+    record = folder(tmp_path / "out", cell) / "run" / "run.json"
+    said = read_json(record, dict)
+    write_json(record, {**said, "config": {**said["config"], "core_digest": "0" * 64}})
+    assert main([str(path), "--out", str(tmp_path / "out"), "--dry-run"]) == 2
+    assert f"was run around another core with the name {full_core_folder}; choose another --out" in capsys.readouterr().err

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from experiments.report.verdict import HARMFUL, NONE, POSITIVE, REFUSED, judge
+from experiments.report.verdict import HARMFUL, NONE, POSITIVE, REFUSED, difference, judge
 
 SEEDS = np.arange(10.0)
 """What the seeds share; paired differences are free of it."""
@@ -110,3 +110,14 @@ def test_a_claim_from_few_seeds_says_so():
     late = ARMS | {"scratch": arm(8.0), "random": ARMS["random"][:, :3]}
     late["random"] = np.pad(late["random"], ((0, 0), (0, 7)), constant_values=np.nan)
     assert "only" not in judge(late).reason  # negative, by ten seeds of scratch
+
+
+def test_without_the_core_there_is_no_difference_to_it():
+    assert difference({"scratch": ARMS["scratch"]}, "scratch") is None
+
+
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+def test_an_interval_that_is_no_number_is_not_above_anything():
+    huge = np.array([[1e200, 1.1e200, 1.2e200, *[1.3e200] * 7]])
+    found = judge(ARMS | {"scratch": huge}, ARMS, span=100.0)
+    assert found.kind != POSITIVE
