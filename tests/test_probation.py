@@ -150,7 +150,7 @@ def test_a_refused_core_leaves_a_run_from_scratch_to_the_bit_also_if_it_is_inter
 
 @pytest.mark.parametrize("algo", ["ppo", "dyna-ddpg"])
 def test_a_trusted_core_is_trained_and_learns_from_what_was_seen(tmp_path, algo):
-    trusting = with_settings(config(algo, member=0, seed=100), {"wrap.fall_back": False})
+    trusting = with_settings(config(algo, member=0, seed=100), {"wrap.fall_back": False, "dyna.keep_peak": False})
     trusted = run_training(trusting, out=tmp_path / "run")
     assert trusted.probation.accepted
     assert read_made_of(read_record(tmp_path / "run")).probation == trusted.probation

@@ -201,9 +201,9 @@ class Job:
             directory.save_policy(self.trained(trainer, session), BEST)
 
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
-        to_beat = float(np.mean(probation.core)) if probation and probation.accepted and probation.core else None
-        accounts = {"charged": charged, "to_beat": to_beat, "falls_back": self.untrained is not None}
-        accounts["keeps_peak"] = config.algo == "dyna-ddpg" and config.dyna.keep_peak
+        keeps_peak = config.algo == "dyna-ddpg" and config.dyna.keep_peak
+        falls_back = self.untrained is not None
+        accounts = {"charged": charged, "to_beat": self._to_beat, "falls_back": falls_back, "keeps_peak": keeps_peak}
         return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
 
     def with_untrained(self, directory: RunDirectory, *, begun: bool) -> Job:
@@ -271,7 +271,14 @@ class Job:
             remedy = "a larger budget"
         else:
             return
+        if session.keeps_peak and not session.plays_core:
+            worse += f"; the run keeps the policy of its best ones ({session.peak:.4g})"
         LOGGER.warning("the last training episodes (mean return %.4g) are worse than %s: try %s", latest, worse, remedy)
+
+    @property
+    def _to_beat(self) -> float | None:
+        found = self.probation
+        return float(np.mean(found.core)) if found and found.accepted and found.core else None
 
     def _budget(self) -> Budget:
         return Budget(self.config.episodes, self.config.steps, self.config.seconds)

@@ -106,7 +106,7 @@ class Session:
         """
         self.directory, self.budget, self.spent = directory, budget, Spent() if charged is None else charged
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
-        self._to_beat, self._falls_back, self._keeps_peak = to_beat, falls_back, keeps_peak
+        self._to_beat, self._falls_back, self.keeps_peak = to_beat, falls_back, keeps_peak
         self.peak: float | None = None
         self.is_at_peak = True
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
@@ -132,6 +132,11 @@ class Session:
         return float(np.mean(latest)) if len(latest) == LATEST else None
 
     @property
+    def kept_return(self) -> float | None:
+        """Mean return of the training episodes by which the policy is known that the run would end with."""
+        return self.peak if self.keeps_peak else self.latest_return
+
+    @property
     def is_behind(self) -> bool:
         """Whether there is a return to beat that the latest training episodes do not reach."""
         return self._is_below(self.latest_return)
@@ -139,7 +144,7 @@ class Session:
     @property
     def plays_core(self) -> bool:
         """Whether the untrained core stands in for what is learnt."""
-        return self._falls_back and self._is_below(self.peak if self._keeps_peak else self.latest_return)
+        return self._falls_back and self._is_below(self.kept_return)
 
     @property
     def progress(self) -> float:
