@@ -93,7 +93,8 @@ def evaluate(
     Episode k starts from a seed drawn from (seed, k) alone, so that every policy meets the same starts.
 
     Args:
-        policy: has `act`.
+        policy: has `act`, which answers observations `(B, obs_dim)` with actions `(B, act_dim)` in [-1, 1], whatever the
+            environment's bounds.
         env: in any form that `make_env` takes; one that is made plays every episode itself and stays open.
         episodes: how many.
         seed: of the episodes' starts; training never uses these streams.

@@ -11,7 +11,7 @@ import numpy as np
 
 from transferkit.budget import Spent
 from transferkit.config import TrainConfig
-from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check, check_value
+from transferkit.config.checks import AT_LEAST_ONE, POSITIVE, check, check_kind, check_value
 from transferkit.envs import derive_spec, name_of
 from transferkit.errors import ArtifactError, SettingError
 from transferkit.evaluation import ZeroPolicy, evaluate
@@ -109,6 +109,7 @@ def import_core(
         ConfigError: the file does not say something that is not given either.
         DimensionError: it does not fit the environment.
     """
+    check_kind("file", file, (str, Path), "give the file that the library saved")
     target = None if name is None else Target(name, version, Path(zoo), threshold, licence)
     done = run_import(Path(file), env, Given(activation, stats, action_scale, std, descriptor), target)
     logger = logging.getLogger("transferkit")

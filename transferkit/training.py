@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from transferkit.envs import EnvLike
     from transferkit.policy.core import Core
     from transferkit.run import Report, Result
+
+LOGGER = logging.getLogger("transferkit")
 
 RUNS = Path("runs")
 """Folder of run directories that are not named."""
@@ -124,7 +127,10 @@ def train(
     check_read(config, given, ready=True)
     with one_thread():
         out = default_directory(config) if out is None else Path(out)
-        return _run(Job(config, policy, copies_of(env), out, core, resume=resume), report)
+        result = _run(Job(config, policy, copies_of(env), out, core, resume=resume), report)
+    if result.fell_back or (result.probation and not result.probation.accepted):
+        LOGGER.warning("the policy that was handed over is not the one of the run: load_policy(%r) loads that", str(out))
+    return result
 
 
 def default_directory(config: TrainConfig) -> Path:

@@ -95,9 +95,13 @@ def _train(request: _Request) -> Answer:
 
 def _rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The fields of a result; what the run came to before it was given more budget as a row each."""
-    told = {"best": "return {return_mean} after {steps} steps", "probation": "{reason}; {episodes} episodes, {steps} steps"}
+    told = {
+        "best": "return {return_mean} after {steps} steps",
+        "probation": "{decided}: {reason}; {episodes} episodes, {steps} steps",
+    }
+    decided = "trusted" if (result["probation"] or {}).get("accepted") else "refused"
     rows = [
-        (name, told[name].format(**value) if name in told and value else str(value))
+        (name, told[name].format(**value, decided=decided) if name in told and value else str(value))
         for name, value in result.items()
         if name != "earlier"
     ]

@@ -113,31 +113,40 @@ def _verdict(
         return "not compared", ""
     if measured is not None and measured.is_of(channel):
         plain = channel.kind in ("gravity", "last action")
-        return ("agrees", "") if plain else _difference(channel, measured, action=action)
+        differences = [] if plain else _differences(channel, measured, action=action)
+        return (differences[0][0], _joined(differences)) if differences else ("agrees", "")
     places = [k for k, other in enumerate(found) if other.is_of(channel)]
     if places and channel.kind != "gravity":
-        return "order", f"the environment has it at {places[0]}"
+        differences = [] if channel.kind == "last action" else _differences(channel, found[places[0]], action=action)
+        more = [("order", f"the environment has it at {places[0]}"), *differences]
+        return "order", _joined(more)
     if action and measured is not None and channel.kind != "joint torque":
         return "kind", "the environment takes torques"
     return "missing", "the environment has no such number"
 
 
-def _difference(channel: Channel, measured: Measured, *, action: bool) -> tuple[Verdict, str]:
-    """Compare scales and zeros of the same quantity."""
+def _differences(channel: Channel, measured: Measured, *, action: bool) -> list[tuple[Verdict, str]]:
+    """Compare signs, units or scales, and zeros of the same quantity."""
     if not measured.scale or not channel.scale:
-        return "not compared", ""
-    ratio = channel.scale / measured.scale
+        return [("not compared", "")]
+    found, ratio = list[tuple[Verdict, str]](), channel.scale / measured.scale
     if ratio < 0:
-        return "sign", f"{channel.scale:g} against {measured.scale:g}"
-    for factor in (DEGREES, 1 / DEGREES):
-        if math.isclose(ratio, factor, rel_tol=TOLERANCE):
-            return "unit", "degrees against radians" if factor > 1 else "radians against degrees"
-    if not math.isclose(ratio, 1.0, rel_tol=TOLERANCE):
+        found.append(("sign", f"{channel.scale:g} against {measured.scale:g}"))
+    units = [factor for factor in (DEGREES, 1 / DEGREES) if math.isclose(abs(ratio), factor, rel_tol=TOLERANCE)]
+    if units:
+        found.append(("unit", "degrees against radians" if units[0] > 1 else "radians against degrees"))
+    elif not math.isclose(abs(ratio), 1.0, rel_tol=TOLERANCE):
         unit = " N m for 1" if action else ""
-        return "scale", f"{channel.scale:g} against {measured.scale:g}{unit}"
+        found.append(("scale", f"{abs(channel.scale):g} against {abs(measured.scale):g}{unit}"))
     if abs(channel.zero - measured.zero) > TOLERANCE:
-        return "zero", f"{channel.zero:g} against {measured.zero:g}"
-    return "agrees", ""
+        found.append(("zero", f"{channel.zero:g} against {measured.zero:g}"))
+    return found
+
+
+def _joined(differences: Sequence[tuple[Verdict, str]]) -> str:
+    """What the first one is, and which others there are."""
+    first, *others = differences
+    return "; ".join([first[1], *(f"{verdict} {words}" for verdict, words in others)])
 
 
 def _observed(element: Element, spec: IOSpec) -> Measured:

@@ -9,6 +9,8 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.errors import ConfigError
+
 
 class Actor(Protocol):
     """Anything that maps observations `(B, obs_dim)` to deterministic actions `(B, act_dim)`.
@@ -59,12 +61,15 @@ def rollout(
         seed_of: gives the seed that an episode starts from, asked when it starts.
         episodes: how many; without a limit the caller stops.
         on_reset: called with the number of an episode when it has started.
+
+    Raises:
+        ConfigError: the actor's answer has not one row of actions for each observation.
     """
     observations: dict[int, NDArray[np.float32]] = {}
     steps: dict[int, int] = {}
     playing: dict[int, gymnasium.Env] = {}
     actions: dict[int, NDArray[np.float32]] = {}
-    hold = getattr(actor, "hold", 1)
+    hold, shape = getattr(actor, "hold", 1), envs[0].action_space.shape or ()
 
     def start(episode: int, env: gymnasium.Env) -> None:
         observations[episode], steps[episode], playing[episode] = env.reset(seed=seed_of(episode))[0], 0, env
@@ -78,6 +83,11 @@ def rollout(
         asking = [episode for episode in playing if steps[episode] % hold == 0]
         if asking:
             chosen = actor.act(np.stack([observations[episode] for episode in asking]))
+            if (answered := np.shape(chosen)) != (wanted := (len(asking), *shape)):
+                raise ConfigError(
+                    f"the policy answered {len(asking)} observations with an array of shape {answered} and not {wanted}",
+                    remedy="return a row of actions, in [-1, 1], for each observation",
+                )
             actions.update(zip(asking, chosen, strict=True))
         for episode, env in list(playing.items()):
             observation, step, action = observations[episode], steps[episode], actions[episode]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +25,8 @@ from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
 from transferkit.spec import IOSpec
 from transferkit.streams import Streams
+
+LOGGER = logging.getLogger("transferkit")
 
 if TYPE_CHECKING:
     from transferkit.config import Algorithm, TrainConfig
@@ -81,6 +84,8 @@ def wrap(
             raise ConfigError("{match} has no effect on {wrap.structure=paper}", remedy="leave one of them out")
         return PaperSandwich(network, (source, target), config, generators, origin=Origin(core, member, None))
     matched = match_for(config, source, target, match)
+    if matched is None and config.adapter == "auto":
+        LOGGER.warning("nothing of %s means anything on %s: its adapters are random", core.id, target.env_id)
     if network.architecture.squash and matched is not None and not _copies_actions(matched):
         config = replace(config, tap="action")
     return Sandwich(network, normalizer, (source, target), config, matched, generators, origin=Origin(core, member, matched))

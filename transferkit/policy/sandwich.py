@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor, nn
 
+from transferkit.envs import derive_spec, is_written
+from transferkit.errors import ConfigError
 from transferkit.matching import explain
 from transferkit.nn import Linear, Normalizer, ResidualLinear, gaussian, mlp
 from transferkit.policy.adapters import InputAdapter, output_adapter
@@ -64,6 +66,22 @@ class Sandwich(Policy):
         self.log_std = nn.Parameter(_initial_log_std(core, match, target.act_dim, config))
         self.residual = self._residual_column(config.residual, generators.get("residual")) if config.residual else None
         self._check_part_names()
+
+    def check_fits(self, needed: tuple[int, int], name: str) -> None:
+        """Compare dimensions, and what the numbers mean, with an environment's.
+
+        Raises:
+            ConfigError: they differ.
+        """
+        super().check_fits(needed, name)
+        target = self._specs[1]
+        if name == target.env_id or not is_written(name) or not is_written(target.env_id):
+            return
+        if not target.has_the_numbers_of(derive_spec(name)):
+            raise ConfigError(
+                f"the policy was wrapped onto {target.env_id}, and the numbers of {name} mean something else",
+                remedy="wrap the core onto that environment",
+            )
 
     def core_input(self, observation: Tensor) -> Tensor:
         """Compute what every copy of the core sees, `(B, copies * d_source)`."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
-    from transferkit.zoo.card import Card
+    from transferkit.zoo.card import Card, Score
     from transferkit.zoo.crossings import Crossings
 
 
@@ -30,7 +30,7 @@ def render(card: Card, crossings: Crossings | None = None) -> str:
 Generated from `card.json`. Licence: {card.licence}.{_origin(card)}
 
 **Score on {spec.env_id}:** {score.mean:.1f}, 95 % interval {score.low:.1f} to {score.high:.1f} over {len(card.seeds)} members
-and {score.episodes} episodes each (evaluation seed {score.seed}); every member had to reach {score.threshold:g}.
+and {score.episodes} episodes each (evaluation seed {score.seed}); {_asked(score)}.
 
 | member | seed | mean return | episodes of training | steps of training |
 |---|---|---|---|---|
@@ -93,3 +93,9 @@ def _elsewhere(core: str, crossings: Crossings | None) -> str:
     return f"""**Untrained on other environments** (study {crossings.study}, {crossings.episodes} episodes a member):
 {table}{rest}
 """
+
+
+def _asked(score: Score) -> str:
+    if score.threshold == min(score.members):  # as it is written if none was given
+        return "nothing had to be reached"
+    return f"every member had to reach {score.threshold:g}"

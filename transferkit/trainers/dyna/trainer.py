@@ -14,6 +14,7 @@ from transferkit.errors import DivergedError
 from transferkit.policy.critic_and_model import make_critic, make_dynamics
 from transferkit.trainers.dyna.agent import Agent
 from transferkit.trainers.dyna.diagnostics import EVERY, diagnose
+from transferkit.trainers.dyna.kept import Kept
 from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
@@ -53,14 +54,14 @@ class DynaTrainer:
         `policy` becomes what is learnt, or what is kept of it, if the configuration asks for that.
         """
         dyna, hidden = config.dyna, config.network.hidden
-        self.kept = policy if dyna.keep_peak else None
-        policy = copy.deepcopy(policy) if dyna.keep_peak else policy
+        given, policy = policy.to(device), copy.deepcopy(policy) if dyna.keep_peak else policy
         self.overrun_steps = dyna.overrun_steps
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
         policy, critic, model = policy.to(device), critic.to(device), model.to(device)
         options = {"time_step": spec.time_step, "compiles": compiles}
         self.agent = Agent(policy, critic, model, dyna, config.model, streams, device, **options)
+        self._kept = Kept(given, policy, {"critic": critic, "dynamics": model}) if dyna.keep_peak else None
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))
@@ -74,35 +75,39 @@ class DynaTrainer:
             self._taken_up = False
         step = envs.step(action := agent.explore(observation), session.count)
         agent.observe(observation, action, step)
-        if session.is_at_peak and (step.done[0] or session.peak is None):
-            self._keep()
         if session.trained.steps % EVERY == 0 and agent.fitted and agent.needs_model:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
-        if session.trained.steps % LOG_EVERY:
+        looks = session.trained.steps % LOG_EVERY == 0
+        if session.is_at_peak and (step.done[0] or (session.peak is None and (looks or session.progress >= 1))):
+            self._keep()
+        if not looks:
             return step.observation, None
         self._check_values(session)
         return step.observation, agent.metrics()
 
     def state(self) -> dict[str, Any]:
         """Return everything that the next step depends on."""
-        return self.agent.state() | ({} if self.kept is None else {"kept": self.kept.state_dict()})
+        return self.agent.state() | ({} if self._kept is None else {"kept": self._kept.state()})
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take what `state` returned."""
         self.agent.restore(state)
-        if self.kept is not None:
-            self.kept.load_state_dict(state["kept"])
+        if self._kept is not None:
+            self._kept.restore(state["kept"])
 
     def trained(self) -> dict[str, nn.Module]:
-        """Return the critics, and the model if it was fitted."""
-        agent = self.agent
-        return {"critic": agent.critic, **({"dynamics": agent.model} if agent.fitted else {})}
+        """Return the critics, and the model if it was fitted; as they were when the policy was kept, if it was."""
+        return self._latest() if self._kept is None else self._kept.trained()
 
     def _keep(self) -> None:
         """Keep what the run would end with now."""
-        if self.kept is not None:
-            self.kept.load_state_dict(self.agent.average.state_dict())
+        if self._kept is not None:
+            self._kept.take(self.agent.average, self._latest())
+
+    def _latest(self) -> dict[str, nn.Module]:
+        agent = self.agent
+        return {"critic": agent.critic, **({"dynamics": agent.model} if agent.fitted else {})}
 
     def _check_values(self, session: Session) -> None:
         value = abs(self.agent.metrics().get("value", 0.0))
