@@ -1,9 +1,11 @@
+import re
+
 import numpy as np
 import pytest
 
 from tests.toys import Counter
 from transferkit import evaluate
-from transferkit.errors import SettingError
+from transferkit.errors import ConfigError, SettingError
 from transferkit.evaluation import Evaluation, RandomPolicy, ZeroPolicy
 
 IDP = "InvertedDoublePendulum-v5"
@@ -14,6 +16,17 @@ def test_evaluation_episodes_depend_on_their_number_alone():
     assert evaluate(ZeroPolicy(1), IDP, episodes=5, seed=3).returns == whole.returns[:5]
     assert evaluate(ZeroPolicy(1), IDP, episodes=5, seed=4).returns != whole.returns[:5]
     assert whole.scores()["return_low"] < whole.mean < whole.scores()["return_high"]
+
+
+@pytest.mark.parametrize("shape", [(3,), (3, 1), (1, 3), (3, 7)])
+def test_an_answer_has_a_row_of_actions_for_each_observation(shape):
+    class Actor:
+        def act(self, observation):
+            return np.zeros(shape)
+
+    message = rf"answered 3 observations with an array of shape {re.escape(str(shape))} and not \(3, 3\); return a row"
+    with pytest.raises(ConfigError, match=message):
+        evaluate(Actor(), "Hopper-v5", episodes=3)
 
 
 def test_no_episode_is_no_evaluation():

@@ -5,7 +5,7 @@ import resource
 import pytest
 
 from transferkit.errors import ConfigError, RunDirectoryError
-from transferkit.files import check_folder, check_new, new_file, read_json, user_folder, write_atomically, write_json
+from transferkit.files import check_folder, check_new, new_file, read_json, user_folder, write_atomically, write_json, writing
 from transferkit.zoo.remote.roots import pulled_folders
 
 
@@ -75,9 +75,10 @@ def test_a_new_file_has_its_ending_and_a_folder_no_file_in_its_way(tmp_path):
 
 def test_what_no_folder_can_be_is_refused_before_any_work(tmp_path):
     (tmp_path / "loop").symlink_to("loop")
-    for path in (tmp_path / "loop", tmp_path / ("x" * 300)):
-        with pytest.raises(ConfigError, match="choose another out"):
-            check_folder(path, "out")
+    with pytest.raises(ConfigError, match="loop is not a folder; choose another out"):
+        check_folder(tmp_path / "loop", "out")
+    with pytest.raises(RunDirectoryError, match=r"File name too long; .*; choose another name"), writing(tmp_path):
+        (tmp_path / ("x" * 300)).mkdir()
 
 
 def test_a_user_without_a_home_is_told_what_to_set(monkeypatch):

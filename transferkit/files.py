@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -42,22 +43,11 @@ def check_folder(path: Path, option: str) -> None:
     Raises:
         ConfigError: a file is in its way, or it cannot be written.
     """
-    nearest = next(place for place in (path, *path.parents) if _is_there(place, option))
+    nearest = next(place for place in (path, *path.parents) if os.path.lexists(place))  # also a link to nothing
     if not nearest.is_dir():
         raise ConfigError(f"{nearest} is not a folder", remedy=f"choose another {{{option}}}")
     if not os.access(nearest, os.W_OK):
         raise ConfigError(f"{nearest} cannot be written", remedy=f"choose another {{{option}}}")
-
-
-def _is_there(place: Path, option: str) -> bool:
-    """Whether a path has something, even a link to nothing; a name that nothing can have is refused."""
-    try:
-        place.lstat()
-    except (FileNotFoundError, NotADirectoryError):
-        return False
-    except OSError as error:
-        raise ConfigError(f"{place} cannot be a folder ({error.strerror})", remedy=f"choose another {{{option}}}") from None
-    return True
 
 
 @contextlib.contextmanager
@@ -106,9 +96,10 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        named = error.errno in (errno.ENAMETOOLONG, errno.ELOOP, errno.EEXIST, errno.ENOTDIR)
         raise RunDirectoryError(
             f"cannot write {path}: {error.strerror}; what was written before is intact",
-            remedy="mend the disk; the same command goes on, training with {resume=True}",
+            remedy="choose another name" if named else "mend the disk; the same command goes on, training with {resume=True}",
         ) from error
 
 

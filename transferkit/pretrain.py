@@ -72,6 +72,8 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
     check_place(folder)
     if config.core is not None:
         raise ConfigError("pretrain makes a core from scratch", remedy="leave out {core}")
+    if config.seed:
+        raise ConfigError(f"{{seed={config.seed}}} has no effect: each member has its own", remedy="give {seeds}")
     if config.algo != "ppo" and config.model.predict == "state":
         raise SettingError("model.predict", value="state", allowed="'change' for the model of a core")
     if config.stop_at is not None and config.stop_at < recipe.threshold:

@@ -46,7 +46,7 @@ def test_order_unit_default_pose_and_period_are_told_apart(tmp_path, hopper):
     assert found["observation", 2] == ("zero", "0.1 against 0")
     assert found["action", 1] == ("sign", "-200 against 200")
     found = verdicts(read_descriptor(isaac(tmp_path / "b.yaml", joints=right, degrees=True)), hopper)
-    assert found["observation", 3] == ("unit", "degrees against radians")
+    assert found["observation", 3] == ("unit", "degrees against radians; zero -0.4 against 0")
 
 
 @pytest.mark.parametrize("normalized", [False, True])

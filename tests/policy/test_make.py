@@ -241,3 +241,15 @@ def test_what_no_path_and_no_environment_can_be_is_one_line():
     ):
         with pytest.raises(kind, match=message):
             call()
+
+
+def test_a_policy_is_of_the_robot_that_it_was_wrapped_onto():
+    policy = wrap(load_core("hopper-v1"), "HalfCheetah-v5")  # 17 observations and 6 actions, as the other
+    with pytest.raises(ConfigError, match="wrapped onto HalfCheetah-v5, and the numbers of Walker2d-v5 mean something else"):
+        evaluate(policy, "Walker2d-v5", episodes=1)
+    evaluate(policy, "HalfCheetah-v5?vary.mass=1.4", episodes=1, max_episode_steps=5)
+
+
+def test_it_is_said_if_nothing_of_a_core_means_anything(caplog):
+    wrap(load_core("hopper-v1"), "Reacher-v5")
+    assert caplog.messages == ["nothing of hopper-v1 means anything on Reacher-v5: its adapters are random"]

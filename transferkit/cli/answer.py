@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
 from transferkit.config.checks import Range, check_value
@@ -31,6 +32,11 @@ class Answer:
         """Print the data or the text on stdout."""
         text = "\n".join(map(printable, self.text.split("\n")))  # some of it may come from a stranger's file
         print(json.dumps(self.data, indent=2, allow_nan=False) if as_json else text)
+
+
+def where_to_find(folder: Path) -> str:
+    """How commands take a core that was just written."""
+    return f"commands take it as {folder}, or as {folder.name} where TRANSFERKIT_ZOO names {folder.parent}"
 
 
 class Parser(argparse.ArgumentParser):

@@ -8,7 +8,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.answer import Answer, parser, where_to_find, whole
 from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import AT_LEAST_ONE, NOT_NEGATIVE, WIDTH
 from transferkit.errors import ConfigError
@@ -56,7 +56,13 @@ def _answer(options: argparse.Namespace, env: str) -> Answer:
         done = distill(options.teacher, env, recipe, report=report)
     score = done.card.score
     rows = [f"member {k}: {own:.1f}, its teacher {taught:.1f}" for k, (own, taught) in enumerate(done.pairs)]
-    text = "\n".join([f"{recipe.folder}: return {score.mean:.1f} over {len(rows)} member{'s' * (len(rows) > 1)}", *rows])
+    text = "\n".join(
+        [
+            f"{recipe.folder}: return {score.mean:.1f} over {len(rows)} member{'s' * (len(rows) > 1)}",
+            *rows,
+            where_to_find(recipe.folder),
+        ]
+    )
     data: dict[str, Any] = {
         "id": done.card.id,
         "folder": str(recipe.folder),

@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.answer import Answer, parser, where_to_find, whole
 from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import AT_LEAST_ONE
 from transferkit.errors import ConfigError
@@ -56,7 +56,7 @@ def _answer(options: argparse.Namespace, env: str) -> Answer:
     )
     own, zero = (sum(returns) / len(returns) for returns in (done.returns, done.zero))
     head = f"{target.folder}: {done.library}, return {own:.1f} over {len(done.returns)} episodes, zero action {zero:.1f}"
-    lines = [head, *done.notes, *(f"warning: {warning}" for warning in done.warnings)]
+    lines = [head, *done.notes, *(f"warning: {warning}" for warning in done.warnings), where_to_find(target.folder)]
     data = {
         "id": done.core.id,
         "folder": str(target.folder),

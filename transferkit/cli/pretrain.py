@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from transferkit.cli.answer import Answer
+from transferkit.cli.answer import Answer, where_to_find
 from transferkit.cli.environment import gathered, with_arguments
 from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.config import TrainConfig, check_read
@@ -42,5 +42,6 @@ def main(arguments: Sequence[str]) -> Answer:
     recipe, config = parse(command, "transferkit pretrain", arguments, [*Recipe.__dataclass_fields__, "env-kwargs", "vary"])
     check_read(config, settings_in(arguments))
     summary = Summary.of(pretrain(recipe, config))
-    text = f"{recipe.zoo / recipe.id}: score {summary.score_mean:.1f}, {summary.members} members"
-    return Answer({"id": recipe.id, **asdict(summary)}, text)
+    folder = recipe.zoo / recipe.id
+    text = f"{folder}: score {summary.score_mean:.1f}, {summary.members} member{'s' * (summary.members > 1)}"
+    return Answer({"id": recipe.id, **asdict(summary)}, f"{text}\n{where_to_find(folder)}")

@@ -67,7 +67,7 @@ def _show(options: argparse.Namespace) -> Answer:
     folder = find_core(options.id)
     card, crossings = read_card(folder), read_crossings(folder.parent)
     known = [] if crossings is None else [asdict(one) for one in crossings.cores.get(card.id, ())]
-    return Answer({**card.to_json(), "untrained": known}, render(card, crossings))
+    return Answer({**card.to_json(), "untrained": known}, render(card, crossings, options.id))
 
 
 def _find(options: argparse.Namespace) -> Answer:

@@ -10,9 +10,12 @@ if TYPE_CHECKING:
     from transferkit.zoo.crossings import Crossings
 
 
-def render(card: Card, crossings: Crossings | None = None) -> str:
-    """Write Markdown; what the core does untrained elsewhere is not in its card and stands there if it is given."""
-    spec, score = card.source, card.score
+def render(card: Card, crossings: Crossings | None = None, name: str = "") -> str:
+    """Write Markdown; what the core does untrained elsewhere is not in its card and stands there if it is given.
+
+    `name` is what commands call it by, if that is not its id.
+    """
+    spec, score, name = card.source, card.score, name or card.id
     members = "\n".join(
         f"| {k} | {seed} | {mean:.1f} | {spent['episodes']:.0f} | {spent['steps']:.0f} |"
         for k, (seed, mean, spent) in enumerate(zip(card.seeds, score.members, card.spent, strict=True))
@@ -39,9 +42,9 @@ and {score.episodes} episodes each (evaluation seed {score.seed}); {_asked(score
 {_elsewhere(card.id, crossings)}Use:
 
 ```sh
-transferkit play {card.id} --out {card.id}.png
-transferkit match {card.id} TARGET
-transferkit train --env TARGET --core {card.id} --steps 20000
+transferkit play {name} --out {card.id}.png
+transferkit match {name} TARGET
+transferkit train --env TARGET --core {name} --steps 20000
 ```
 
 Robot: {_robot(spec)}.
