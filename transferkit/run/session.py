@@ -108,7 +108,6 @@ class Session:
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
         self._to_beat, self._falls_back, self.keeps_peak = to_beat, falls_back, keeps_peak
         self.peak: float | None = None
-        self.is_at_peak = True
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
         self._return, self._length = [0.0] * num_envs, [0] * num_envs
         self._recent: deque[float] = deque(maxlen=RECENT)
@@ -135,6 +134,11 @@ class Session:
     def kept_return(self) -> float | None:
         """Mean return of the training episodes by which the policy is known that the run would end with."""
         return self.peak if self.keeps_peak else self.latest_return
+
+    @property
+    def is_at_peak(self) -> bool:
+        """Whether no training episodes were better than the latest ones."""
+        return self.peak is None or self.latest_return == self.peak
 
     @property
     def is_behind(self) -> bool:
@@ -268,10 +272,8 @@ class Session:
         spent, total = self.spent, self._return[index]
         spent.episodes += 1
         self._recent.append(total)
-        latest = self.latest_return
-        self.is_at_peak = self.peak is None or (latest is not None and latest > self.peak)
-        if self.is_at_peak:
-            self.peak = latest
+        if (latest := self.latest_return) is not None:
+            self.peak = latest if self.peak is None else max(latest, self.peak)
         length, seconds = self._length[index], round(spent.seconds, 3)
         self.directory.append(EpisodeRow(spent.episodes, index, total, length, int(terminated), spent.steps, seconds))
         self._return[index], self._length[index] = 0.0, 0

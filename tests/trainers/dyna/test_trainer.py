@@ -12,7 +12,7 @@ from transferkit.errors import DivergedError, InterruptedRunError
 from transferkit.policy.critic_and_model import make_dynamics
 from transferkit.run import EpisodeRow, load_state, read_table, save_state
 from transferkit.streams import Streams
-from transferkit.trainers.dyna.trainer import DynaTrainer
+from transferkit.trainers.dyna.kept import Kept
 
 IDP = "InvertedDoublePendulum-v5"
 TINY = {
@@ -64,27 +64,43 @@ def test_a_wrapped_model_trains_on_another_robot(full_core, full_core_folder, tm
     assert not torch.equal(saved["ensemble.core.body.0.weight"], before["ensemble.core.body.0.weight"])
 
 
+ONES = np.full((1, 9), 0.1, np.float32)
+
+
+def with_peak(core, folder, *, keeps):
+    config = replace(SMALL, core=str(folder)) if core else SMALL
+    return with_settings(
+        config, {"wrap.probation": 0, "wrap.fall_back": False, "wrap.least_gain": 0.0, "dyna.keep_peak": keeps}
+    )
+
+
 @pytest.mark.parametrize("core", [False, True])
 def test_a_run_ends_with_the_policy_of_its_best_stretch_and_learns_as_if_it_did_not(
     core, full_core_folder, tmp_path, monkeypatch
 ):
-    config = replace(SMALL, core=str(full_core_folder)) if core else SMALL
-    config = with_settings(config, {"wrap.probation": 0, "wrap.fall_back": False, "wrap.least_gain": 0.0})
-    kept, keep = [], DynaTrainer._keep
+    peaks, remember = [], Kept.remember
 
-    def spied(trainer):
-        keep(trainer)
-        kept.append(trainer.agent.policy.act(np.full((1, 9), 0.1, np.float32)))
+    def spied(kept):
+        remember(kept)
+        peaks.append(kept._modules["policy"].act(ONES))
 
-    monkeypatch.setattr(DynaTrainer, "_keep", spied)
+    monkeypatch.setattr(Kept, "remember", spied)
     returns, ends = [], []
-    for name, keeps in (("last", False), ("peak", True)):
-        kept.clear()
-        run_training(with_settings(config, {"dyna.keep_peak": keeps}), out=tmp_path / name)
-        returns.append(read_table(tmp_path / name, EpisodeRow)["return"])
-        ends.append(load_policy(tmp_path / name).act(np.full((1, 9), 0.1, np.float32)))
+    for keeps in (False, True):
+        run_training(with_peak(core, full_core_folder, keeps=keeps), out=tmp_path / str(keeps))
+        returns.append(read_table(tmp_path / str(keeps), EpisodeRow)["return"])
+        ends.append(load_policy(tmp_path / str(keeps)).act(ONES))
     assert returns[0].tolist() == returns[1].tolist()
     means = [returns[1][k : k + 5].mean() for k in range(len(returns[1]) - 4)]
     assert np.argmax(means) < len(means) - 1  # the last is not the best
     assert not np.allclose(*ends, atol=1e-4)
-    np.testing.assert_allclose(ends[1], kept[-1], atol=1e-6)
+    np.testing.assert_allclose(ends[1], peaks[-1], atol=1e-6)
+
+
+def test_what_is_learnt_is_followed_to_the_end_until_episodes_say_that_it_was_better(full_core_folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("transferkit.run.session.LATEST", 500)  # more than there are
+    for keeps in (False, True):
+        run_training(with_peak(core=True, folder=full_core_folder, keeps=keeps), out=tmp_path / str(keeps))
+    ends = [load_policy(tmp_path / str(keeps)) for keeps in (False, True)]
+    np.testing.assert_array_equal(*(policy.act(ONES) for policy in ends))
+    assert int(ends[1].normalizer.count) == 400

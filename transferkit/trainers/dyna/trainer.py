@@ -65,7 +65,8 @@ class DynaTrainer:
         self._taken_up = True
         if prior is not None:
             self.agent.remember(Batch(*map(torch.from_numpy, prior)))
-            self._keep()  # with what was seen
+            if self._kept is not None:
+                self._kept.follow(self.agent.average, self._latest())  # with what was seen
 
     def advance(self, envs: VectorEnv, observation: Observation, session: Session) -> tuple[Observation, Metrics | None]:
         """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""
@@ -79,8 +80,7 @@ class DynaTrainer:
             session.directory.append(diagnose(agent.model, agent.buffer, session.spent.steps))
         agent.learn()
         looks = session.trained.steps % LOG_EVERY == 0
-        if session.is_at_peak and (step.done[0] or (session.peak is None and (looks or session.progress >= 1))):
-            self._keep()
+        self._keep(session, ended=bool(step.done[0]), looks=looks)
         if not looks:
             return step.observation, None
         self._check_values(session)
@@ -100,10 +100,17 @@ class DynaTrainer:
         """Return the critics, and the model if it was fitted; as they were when the policy was kept, if it was."""
         return self._latest() if self._kept is None else self._kept.trained()
 
-    def _keep(self) -> None:
-        """Keep what the run would end with now."""
-        if self._kept is not None:
-            self._kept.take(self.agent.average, self._latest())
+    def _keep(self, session: Session, *, ended: bool, looks: bool) -> None:
+        """Follow what is learnt from the best episodes on, until one that ended says that they were better."""
+        if self._kept is None:
+            return
+        if not session.is_at_peak:
+            if ended:
+                self._kept.recall()
+        elif ended or looks or session.progress >= 1:
+            self._kept.follow(self.agent.average, self._latest())
+            if ended:
+                self._kept.remember()
 
     def _latest(self) -> dict[str, nn.Module]:
         agent = self.agent
