@@ -137,7 +137,7 @@ def _check_score(recipe: Recipe, score: Score) -> None:
         raise ArtifactError(
             f"core {recipe.id} is refused: {', '.join(below)}, below the threshold {recipe.threshold:g} "
             f"(mean of all members {score.mean:.1f})",
-            remedy="train longer, for example with more {steps}",
+            remedy=f"train longer: remove {RUNS / 'pretrain' / recipe.id} and give more {{steps}}",
         )
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 from experiments.matrix.grid import MOST as MOST_CELLS
 from experiments.matrix.grid import Grid, GridError, Trainer, add, at, check_names
 from experiments.matrix.table import ambiguity
-from transferkit.envs import id_from_file
+from transferkit.envs import id_from_file, names_module
 from transferkit.errors import ConfigError
 from transferkit.reading import FormatError, parse_toml, read_bytes
 
@@ -70,7 +70,11 @@ def _grid(data: dict[str, Any], path: Path, named: Collection[str]) -> Grid:
             data[name] = _numbers(name, data[name])
     for target in data["targets"]:
         with at("targets"):
-            id_from_file(target, path, target if target in named else None)
+            if names_module(target) and target not in named:
+                raise GridError(
+                    f"targets: {target} runs a module", remedy=f"if you trust that, add --env {target} to the command"
+                )
+            id_from_file(target, path, target)
     trainers = [_trainer(trainer) for trainer in data.pop("trainer", [{}])]
     lists: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in data.items()}
     with at("grid"):

@@ -86,8 +86,8 @@ class DynaConfig:
     """The policy that a run ends with is the average of those of the last share of its steps (Polyak & Juditsky 1992): one that
     is trained fast is good in one step and not in the next. 0 for the last policy itself."""
     keep_peak: bool = False
-    """A run whose training episodes get worse again ends with the policy of its best five in a row (after Fujimoto et al. 2023),
-    so that what was learnt is not lost."""
+    """A run whose training episodes get worse again ends with the policy of its best five in a row, so that what was learnt is
+    not lost (after Fujimoto et al. 2023)."""
     overrun_steps: Annotated[int, NOT_NEGATIVE] = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: Annotated[int, BUFFER] = 1_000_000

@@ -187,7 +187,8 @@ def _names_in(module: str) -> list[str]:
     own = vars(sys.modules[module])
     ids = [name for name, spec in gymnasium.registry.items() if str(spec.entry_point).startswith(module)]
     ids += [name for name, spec in gymnasium.registry.items() if getattr(spec.entry_point, "__module__", None) == module]
-    return ids + [name for name, value in own.items() if inspect.isfunction(value) and value.__module__ == module]
+    kinds = [value for value in own.values() if inspect.isfunction(value) or inspect.isclass(value)]
+    return ids + [value.__name__ for value in kinds if value.__module__ == module]
 
 
 def _takes(make: Callable[..., Any], kwargs: dict[str, Any]) -> bool:
