@@ -72,7 +72,8 @@ def _grid(data: dict[str, Any], path: Path, named: Collection[str]) -> Grid:
         with at("targets"):
             if names_module(target) and target not in named:
                 raise GridError(
-                    f"targets: {target} runs a module", remedy=f"if you trust that, add --env {target} to the command"
+                    f"targets: {target} runs a module",
+                    remedy="if you trust that, name it to the command as well, as its option env",
                 )
             id_from_file(target, path, target)
     trainers = [_trainer(trainer) for trainer in data.pop("trainer", [{}])]

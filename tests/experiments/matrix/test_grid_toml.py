@@ -34,7 +34,11 @@ WRONG = {
     "negative budget": ("steps = 150", "steps = -1", "steps=-1"),
     "arm": ('"transfer"', '"transfers"', "arms: unknown arm 'transfers'; did you mean transfer"),
     "target": ("InvertedDoublePendulum-v5", "Inverted-v0", "targets: unknown environment 'Inverted-v0'"),
-    "module": ("InvertedDoublePendulum-v5", "own:X-v0", "own:X-v0 runs a module; if you trust that, add --env own:X-v0 to the"),
+    "module": (
+        "InvertedDoublePendulum-v5",
+        "own:X-v0",
+        "own:X-v0 runs a module; if you trust that, name it to the command as well",
+    ),
     "core": ("inverted-pendulum-v1", "nothing-v1", "cores: .*nothing-v1"),
     "no cores": ('cores = ["inverted-pendulum-v1"]', "", "cores: the arms transfer, random need some"),
     "seeds backwards": ('"0-1"', '"1-0"', "seeds='1-0' must be a list of whole numbers"),
