@@ -21,18 +21,15 @@ def save_state(path: Path, state: object) -> None:
     """Write nested dicts and lists of tensors and JSON values as one safetensors file.
 
     Raises:
-        NotFiniteError: a number is none that could be read again; the file is as it was.
+        NotFiniteError: a number that is no tensor is not finite; the file is as it was.
     """
     tensors: dict[str, torch.Tensor] = {}
     try:
         tree = json.dumps(_without_tensors(state, tensors), allow_nan=False)
     except ValueError:
-        tree = ""
-    if not tree or not all(torch.isfinite(tensor).all() for tensor in tensors.values()):
         raise NotFiniteError(
-            f"training came to NaN or infinity, which {path} does not take",
-            remedy="scale the rewards, or learn in smaller steps",
-        )
+            f"training came to NaN or infinity, which {path} does not take", remedy="scale the rewards, or take smaller steps"
+        ) from None
     write_atomically(path, dump_tensors(tensors, {_TREE: tree}))
 
 
