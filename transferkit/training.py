@@ -127,10 +127,7 @@ def train(
     check_read(config, given, ready=True)
     with one_thread():
         out = default_directory(config) if out is None else Path(out)
-        result = _run(Job(config, policy, copies_of(env), out, core, resume=resume), report)
-    if result.fell_back or (result.probation and not result.probation.accepted):
-        LOGGER.warning("the policy that was handed over is not the one of the run: load_policy(%r) loads that", str(out))
-    return result
+        return _told(_run(Job(config, policy, copies_of(env), out, core, resume=resume), report), out)
 
 
 def default_directory(config: TrainConfig) -> Path:
@@ -138,6 +135,13 @@ def default_directory(config: TrainConfig) -> Path:
     core = "scratch" if config.core is None else f"{Path(config.core).name}.{config.member}"
     name = f"{config.env}_{core}_{config.algo}_{preset_family(config.preset)}_seed{config.seed}"
     return RUNS / re.sub(r"[^\w.,=\[\]+-]+", "-", name).strip("-")[:LONGEST]
+
+
+def _told(result: Result, out: Path) -> Result:
+    """Say if the policy that was handed over is not the one of the run."""
+    if result.fell_back or (result.probation and not result.probation.accepted):
+        LOGGER.warning("the policy that was handed over is not the one of the run: load_policy(%r) loads that", str(out))
+    return result
 
 
 def _core_of(policy: Policy) -> tuple[Core | None, dict[str, Any]]:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from transferkit.errors import ConfigError, reason_of
+from transferkit.errors import ConfigError
 from transferkit.matching.files import check_match, load_match
-from transferkit.matching.match import Match, compiled, padded
+from transferkit.matching.match import Match, compiled, numbers_of_robots, padded
 from transferkit.matching.pair import pair
 from transferkit.pairing import Pairing
 
@@ -23,16 +23,9 @@ def find_pairing(config: WrapConfig, source: IOSpec, target: IOSpec) -> Pairing:
     Raises:
         ConfigError: their numbers are none that robots have.
     """
-    try:
+    with numbers_of_robots(source, target):
         found = pair(source, target, limbs=config.limbs, angles=config.angles, forces=config.forces, stagger=config.stagger)
-        found = replace(found, hold=config.hold or found.hold)
-        compiled(found, source, target)
-    except (ValueError, ArithmeticError) as error:
-        raise ConfigError(
-            f"{source.env_id} cannot be matched with {target.env_id} ({reason_of(error)})",
-            remedy="look at the numbers of both: `transferkit envs show`, `transferkit zoo show`",
-        ) from None
-    return found
+        return replace(found, hold=config.hold or found.hold)
 
 
 def match_for(

@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from transferkit.errors import ConfigError, reason_of
 from transferkit.matching.scales import gravity_scale, similarity, steps_of
 from transferkit.pairing import Pairing
 
@@ -84,24 +86,41 @@ class Match:
         return any(form != "none" for form in self.form) and any(map(any, self.action_weight))
 
 
+@contextmanager
+def numbers_of_robots(source: IOSpec, target: IOSpec) -> Iterator[None]:
+    """Turn what numbers that no robot has cause into one line."""
+    try:
+        yield
+    except (ValueError, ArithmeticError) as error:
+        raise ConfigError(
+            f"{source.env_id} cannot be matched with {target.env_id} ({reason_of(error)})",
+            remedy="look at the numbers of both: `transferkit envs show`, `transferkit zoo show`",
+        ) from None
+
+
 def compiled(pairing: Pairing, source: IOSpec, target: IOSpec) -> Match:
-    """Find the arrays of a pairing."""
-    pairs = angle_pairs(target)
-    basis = _Basis.of(target, pairs)
-    rows = [_Rows(copy, pairing, source, target, basis) for copy in pairing.copies]
-    inputs = [row for copy in rows for row in copy.inputs()]
-    actions = np.concatenate([copy.actions() for copy in rows], axis=1)
-    return Match(
-        tuple(sin for sin, _ in pairs),
-        tuple(cos for _, cos in pairs),
-        tuple(tuple(weight.tolist()) for weight, _, _ in inputs),
-        tuple(bias for _, bias, _ in inputs),
-        tuple(form for _, _, form in inputs),
-        tuple(map(tuple, actions.tolist())),
-        len(rows),
-        pairing.hold,
-        pairing,
-    )
+    """Find the arrays of a pairing.
+
+    Raises:
+        ConfigError: the numbers of the two are none that robots have.
+    """
+    with numbers_of_robots(source, target):
+        pairs = angle_pairs(target)
+        basis = _Basis.of(target, pairs)
+        rows = [_Rows(copy, pairing, source, target, basis) for copy in pairing.copies]
+        inputs = [row for copy in rows for row in copy.inputs()]
+        actions = np.concatenate([copy.actions() for copy in rows], axis=1)
+        return Match(
+            tuple(sin for sin, _ in pairs),
+            tuple(cos for _, cos in pairs),
+            tuple(tuple(weight.tolist()) for weight, _, _ in inputs),
+            tuple(bias for _, bias, _ in inputs),
+            tuple(form for _, _, form in inputs),
+            tuple(map(tuple, actions.tolist())),
+            len(rows),
+            pairing.hold,
+            pairing,
+        )
 
 
 def padded(source: IOSpec, target: IOSpec) -> Match:

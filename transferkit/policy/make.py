@@ -26,13 +26,13 @@ from transferkit.policy.sandwich import Sandwich
 from transferkit.spec import IOSpec
 from transferkit.streams import Streams
 
-LOGGER = logging.getLogger("transferkit")
-
 if TYPE_CHECKING:
     from transferkit.config import Algorithm, TrainConfig
     from transferkit.envs import EnvLike
     from transferkit.policy.base import Policy
     from transferkit.policy.composed import Composed
+
+LOGGER = logging.getLogger("transferkit")
 
 
 def wrap(
