@@ -22,7 +22,7 @@ from transferkit.policy.critic_and_model import make_critic
 from transferkit.policy.make import new_policy, wrap
 from transferkit.policy.saved import load_policy, load_saved, policy_file
 from transferkit.record.play import Subject
-from transferkit.run import is_run, read_made_of, read_record
+from transferkit.run import named_run, read_made_of, read_record
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough
 from transferkit.zoo.artifact import load_core
@@ -44,7 +44,7 @@ def load_subject(
     """Load a finished run's policy, or a core: in its own environment, or wrapped onto another one without training.
 
     Args:
-        name: a run directory, or a core's id or folder.
+        name: a run directory or one of its policy files, or a core's id or folder.
         env: the environment to play in, in any form; by default the run's, if a record can make it again, or the core's source.
             A run plays as it is where that is its own, perhaps changed, or has the same numbers in the same order, and is
             wrapped as a core elsewhere.
@@ -58,13 +58,15 @@ def load_subject(
         UnknownNameError: neither a run nor a core has this name.
     """
     check_kind("name", name, (str, Path), "give a run's folder, or a core's id or folder")
-    if is_run(name):
+    if (run := named_run(name)) is not None:
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
-        if env is None or _plays_as_it_is(Path(name), env):
-            return _run_subject(Path(name), env, best=best, values=values)
-    if best:
-        raise ConfigError(f"{name} has no best policy here", remedy="leave out {best}: it is of a run in its own environment")
+        best = best or run[1]
+        if env is None or _plays_as_it_is(run[0], env):
+            return _run_subject(run[0], env, best=best, values=values)
+        name = str(policy_file(run[0], best=best))
+    elif best:
+        raise ConfigError(f"{name} is no run, and has no best policy", remedy="leave out {best}")
     member = member or 0
     try:
         core = load_core(name, env=env if isinstance(env, str) else None)
@@ -101,7 +103,7 @@ def source_spec(name: str) -> IOSpec:
     Raises:
         UnknownNameError: neither a run nor a core has this name.
     """
-    return load_core(name).spec if is_run(name) else find_card(name).source
+    return load_core(name).spec if named_run(name) else find_card(name).source
 
 
 def home_of(name: str) -> str:
@@ -111,8 +113,8 @@ def home_of(name: str) -> str:
         EnvironmentContractError: it is not in writing, or needs a module.
         UnknownNameError: neither a run nor a core has this name.
     """
-    if is_run(name):
-        return id_from_file(TrainConfig.from_json(read_record(Path(name))).env, name)
+    if (run := named_run(name)) is not None:
+        return id_from_file(TrainConfig.from_json(read_record(run[0])).env, name)
     return id_from_file(find_card(name).source.env_id, name)
 
 

@@ -144,6 +144,20 @@ def test_a_run_plays_other_environments_as_a_core(tmp_path):
     assert set(other.policy.trace(observations(9))) == {"core_input", "core_output"}
 
 
+def test_the_best_policy_of_a_run_is_a_core_too(tmp_path):
+    run = done(tmp_path / "run", steps=300, eval_every=100)
+    best, last = load_core(run / "best.safetensors"), load_core(run)
+    assert (best.id, load_core(run / "policy.safetensors").digest) == ("run-best", last.digest)
+    assert best.digest != last.digest
+    expected = load_policy(run, best=True)(observations(4))[0]
+    torch.testing.assert_close(wrap(best, IP)(observations(4))[0], expected)
+    elsewhere = load_subject(str(run), env=IDP, best=True)
+    assert elsewhere.about["core_digest"] == best.digest
+    assert load_subject(str(run / "best.safetensors")).about == load_subject(str(run), best=True).about
+    around = run_training(small(env=IDP, core=str(run / "best.safetensors")), out=tmp_path / "around")
+    assert around.core_digest == best.digest
+
+
 def test_what_is_not_a_core_says_so(tmp_path):
     run = done(tmp_path / "run")
     with pytest.raises(SettingError, match="member=1 must be 0 to 0 for core run"):

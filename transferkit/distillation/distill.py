@@ -21,7 +21,7 @@ from transferkit.evaluation import evaluate
 from transferkit.files import writing
 from transferkit.nn.gaussian import LOG_STD_BOUNDS
 from transferkit.policy.core import Core, stack_members
-from transferkit.run import is_run
+from transferkit.run import named_run
 from transferkit.training import RUNS
 from transferkit.zoo.card import NOT_STATED, SCORE_EPISODES, SCORE_SEED
 from transferkit.zoo.catalog import find_card
@@ -98,7 +98,7 @@ def distill(teacher: str, env: EnvLike, recipe: DistillConfig, *, report: Report
 
 def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
     if not _has_card(teacher):
-        if recipe.members and is_run(teacher):
+        if recipe.members and named_run(teacher):
             raise ConfigError(f"run {teacher} has no members", remedy="leave out {members}")
         return recipe.members or [None]
     known = range(len(find_card(teacher).seeds))
@@ -110,7 +110,7 @@ def _members(teacher: str, recipe: DistillConfig) -> Sequence[int | None]:
 
 def _has_card(teacher: str) -> bool:
     """Whether it is a core of a zoo, and no run and no file of another library."""
-    return not (is_run(teacher) or Path(teacher).is_file())
+    return not (named_run(teacher) or Path(teacher).is_file())
 
 
 def _student(

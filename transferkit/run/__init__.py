@@ -10,6 +10,7 @@ from transferkit.run.directory import (
     check_free,
     check_same,
     is_run,
+    named_run,
     read_made_of,
     read_record,
 )
@@ -48,6 +49,7 @@ __all__ = [
     "finished_result",
     "goes_on",
     "is_run",
+    "named_run",
     "load_state",
     "read_made_of",
     "read_record",

@@ -262,6 +262,14 @@ def is_run(path: str | Path) -> bool:
     return os.path.exists(Path(path) / RECORD)
 
 
+def named_run(path: str | Path) -> tuple[Path, bool] | None:
+    """The run that its folder or one of its policy files names, and whether it is the file of its best policy."""
+    own = Path(path)
+    if own.name in (POLICY, BEST) and is_run(own.parent):
+        return own.parent, own.name == BEST
+    return (own, False) if is_run(own) else None
+
+
 def check_same(path: Path, recorded: Mapping[str, Any], config: Mapping[str, Any]) -> None:
     """Compare the configuration that a run was started with and the one it is to go on with.
 

@@ -18,7 +18,7 @@ from transferkit.files import write_atomically, write_json
 from transferkit.nn import Architecture, Dynamics, EnsembleArchitecture
 from transferkit.policy.core import Core
 from transferkit.reading import FormatError, read_bytes, typed
-from transferkit.run import is_run
+from transferkit.run import named_run
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough, parse_tensors
 from transferkit.zoo.card import CARD, LARGEST, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
@@ -44,7 +44,8 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
     A file of another library is imported as `import_core` does, if it says all that is needed.
 
     Args:
-        name: an id, the folder of a core, the directory of a finished run, or a file of another library.
+        name: an id, the folder of a core, the directory of a finished run, the file in it of its best policy, or a file of
+            another library.
         env: an environment of yours, such as `module:MyEnv-v0`; only what you name may import a module for a run's record.
             Of a file, the environment that its policy was trained in.
 
@@ -58,11 +59,12 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
     check_kind("name", name, (str, Path), "give a core's id or its folder")
     check_kind("env", env or "", str, "name the environment, such as 'module:MyEnv-v0'")
     own, known = Path(name), str(name) in core_folders()
+    run = None if known or os.path.exists(own / CARD) else named_run(own)
+    if run is not None:
+        return core_of_run(run[0], env, best=run[1])
     if not known and os.path.isfile(own):
         return imported(own, env)
     if not known and os.path.isdir(own) and not (own / CARD).exists():
-        if is_run(own):
-            return core_of_run(own, env)
         raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")
     folder = find_core(name)
     card = checked_name(read_card(folder), str(name)) if known else read_card(folder)

@@ -19,9 +19,9 @@ from transferkit.policy.composed import ComposedNet
 from transferkit.policy.core import Core, stack_members
 from transferkit.policy.paper import PaperSandwich
 from transferkit.policy.sandwich import Sandwich
-from transferkit.policy.saved import load_components, load_policy
+from transferkit.policy.saved import load_components, load_policy, policy_file
 from transferkit.reading import FormatError
-from transferkit.run import POLICY, finished_result, read_made_of, read_record
+from transferkit.run import finished_result, read_made_of, read_record
 from transferkit.tensors import check_enough
 
 if TYPE_CHECKING:
@@ -31,14 +31,15 @@ if TYPE_CHECKING:
     from transferkit.spec import IOSpec
 
 
-def core_of_run(run: Path, env: str | None = None) -> Core:
+def core_of_run(run: Path, env: str | None = None, *, best: bool = False) -> Core:
     """Take a finished run as a core of one member.
 
     Its network is what the run trained: a plain network, or the whole policy that was trained around another core.
 
     Args:
-        run: its directory, whose name is the core's id.
+        run: its directory, whose name is the core's id, with `-best` added for the best.
         env: an environment that the user named, so that the run's record may name it, too, with a module to import.
+        best: the best policy that its evaluations found, instead of the final one.
 
     Raises:
         RunDirectoryError: it is not finished, is damaged, or holds nothing that a core can be made of.
@@ -46,16 +47,16 @@ def core_of_run(run: Path, env: str | None = None) -> Core:
     """
     if finished_result(run) is None:
         raise RunDirectoryError(f"run {run} is not finished, so it is not a core yet", remedy="finish it with {resume=True}")
-    config, policy = TrainConfig.from_json(read_record(run)), load_policy(run)
-    network, spec = _network(policy, run), _spec(policy, config, run, env)
+    config, policy = TrainConfig.from_json(read_record(run)), load_policy(run, best=best)
+    network, spec, file = _network(policy, run), _spec(policy, config, run, env), policy_file(run, best=best)
     components = {"policy": stack_members([network.state_dict()])}
     if policy.normalizer is not None:
         components["normalizer"] = stack_members([policy.normalizer.state_dict()])
-    digest = hashlib.sha256((run / POLICY).read_bytes()).hexdigest()
-    core = Core(run.resolve().name, spec, network.architecture, (config.seed,), components, digest)
+    digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    core = Core(run.resolve().name + ("-best" if best else ""), spec, network.architecture, (config.seed,), components, digest)
     absolute = config.model.predict == "state"  # a model that no core takes
-    beside = {name: part for name, part in load_components(run).items() if name == "critic" or not absolute}
-    with damaged_run(run / POLICY):
+    beside = {name: part for name, part in load_components(run, best=best).items() if name == "critic" or not absolute}
+    with damaged_run(file):
         return _with_ensembles(core, beside)
 
 
