@@ -39,7 +39,13 @@ if TYPE_CHECKING:
 
 
 def load_subject(
-    name: str, *, env: EnvLike | None = None, member: int | None = None, best: bool = False, values: bool = True
+    name: str,
+    *,
+    env: EnvLike | None = None,
+    member: int | None = None,
+    best: bool = False,
+    match: str | Path | None = None,
+    values: bool = True,
 ) -> Subject:
     """Load a finished run's policy, or a core: in its own environment, or wrapped onto another one without training.
 
@@ -50,10 +56,11 @@ def load_subject(
             wrapped as a core elsewhere.
         member: of a core; by default the first.
         best: of a run: the best policy that its evaluations found, instead of the final one.
+        match: file that says how it stands on another environment, in place of what is found.
         values: load the critics too, if there are any; if they cannot be rebuilt a warning is logged.
 
     Raises:
-        ConfigError: a run is asked for with a member, or a core for its best.
+        ConfigError: a run is asked for with a member, or a core for its best; or a match for what plays as it is.
         EnvironmentContractError: the run's environment is not in writing, or needs a module, and none is named.
         UnknownNameError: neither a run nor a core has this name.
     """
@@ -62,7 +69,8 @@ def load_subject(
         if member is not None:
             raise ConfigError(f"run {name} has no members", remedy="leave out {member}")
         best = best or run[1]
-        if env is None or _plays_as_it_is(run[0], env):
+        if env is None or (match is None and _plays_as_it_is(run[0], env)):
+            _check_no_match(name, match)
             return _run_subject(run[0], env, best=best, values=values)
         name = str(policy_file(run[0], best=best))
     elif best:
@@ -73,12 +81,18 @@ def load_subject(
     except UnknownNameError as error:
         raise UnknownNameError("run or core", name, error.known, topic=error.topic) from None
     about = {"core": core.id, "core_digest": core.digest, "member": member}
-    if env is None or env == core.spec.env_id:
+    if env is None or (match is None and env == core.spec.env_id):
+        _check_no_match(name, match)
         home = id_from_file(core.spec.env_id, core.id, core.spec.env_id if env else None)
         value = core.critic(member).value if "critic" in core.ensembles else None
         rules = EnvConfig() if Path(name).is_file() else TrainConfig.from_json(find_card(name).config).env_config
         return Subject(core.policy(member), home, value, **asdict(rules), about=about)
-    return Subject(wrap(core, env, member=member), env, wrapped=True, about=about)
+    return Subject(wrap(core, env, member=member, match=match), env, wrapped=True, about=about)
+
+
+def _check_no_match(name: str, match: str | Path | None) -> None:
+    if match is not None:
+        raise ConfigError(f"{name} plays in its own environment as it is, without {{match}}", remedy="give another {env}")
 
 
 def _plays_as_it_is(run: Path, env: EnvLike) -> bool:

@@ -34,6 +34,7 @@ def test_a_module_of_a_file_is_run_only_if_the_user_names_it(finished, tmp_path,
     assert "which runs the module planted_robots; if you trust that, name it yourself: --env planted_robots:Planted-v0" in said
     assert "planted_robots" not in sys.modules
     answer = run_json(capsys, "eval", finished, "--episodes", 1, "--env", "planted_robots:Planted-v0")
+    assert (answer["returns"], len(answer["lengths"])) == ([answer["return_mean"]], 1)
     assert answer["return_mean"] <= 50
     write_json(finished / "run.json", record)
 

@@ -12,6 +12,10 @@ def test_a_match_is_shown_written_and_trained_with(capsys, tmp_path):
     data = run_json(capsys, "match", CORE, TWO)
     assert (data["inputs"], data["actions"], data["holds"], data["hold"]) == (1.0, 1.0, True, 1)
     path.write_text(path.read_text().replace("{hinge_y: 1.0}", "{hinge_y2: 1.0}"))
+    scores = run_json(capsys, "eval", CORE, "--env", TWO, "--match", path, "--episodes", 2)
+    assert scores["returns"] != run_json(capsys, "eval", CORE, "--env", TWO, "--episodes", 2)["returns"]
+    own = refusal(capsys, "record", CORE, "--match", path, "--out", tmp_path / "x.mcap")
+    assert f"{CORE} plays in its own environment as it is, without --match; give another --env" in own
     out = ("--env", TWO, "--core", CORE, "--match", str(path), "--steps", "40", "--eval-episodes", "1")
     run(capsys, "train", *out, "--out", str(tmp_path / "run"))
     found = run_json(capsys, "match", str(tmp_path / "run"), TWO)

@@ -74,7 +74,7 @@ NO_EFFECT = {
     f"{TRAIN} --core {CORE} --preset paper --wrap.limbs all": "--wrap.limbs has no effect on --wrap.structure paper",
     f"{TRAIN} --core {CORE} --trust-core --wrap.probation 3": "--trust-core is --wrap.probation 0, not 3",
     f"{TRAIN} --core {CORE} --trust-core --wrap.least-gain 0.5": "--wrap.least-gain has no effect without probation",
-    "export x.mcap --minari x/y-v0 --member 1": "--member and --best are of a policy; give --out, or leave them out",
+    "export x.mcap --minari x/y-v0 --member 1": "--member, --best and --match are of a policy; give --out, or leave them out",
     "plot . --episode 1": "--episode and --mapping are of a recording, and this is a run; leave them out",
     f"zoo verify --all {CORE}": f"--all is every core, and {CORE} is named; leave one of them out",
     f"distill {CORE} --env Hopper-v5 --name x --members 9": f"--members=9 must be 0 to 4 for core {CORE}",

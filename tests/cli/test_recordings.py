@@ -29,7 +29,8 @@ def test_a_recording_is_made_checked_drawn_mended_and_learnt_from(capsys, tmp_pa
     assert len(run_json(capsys, "record", out, "--episodes", 2, "--out", file)["episodes"]) == 2
     assert run(capsys, "replay", file, "--check")[1].endswith("reproduced to the bit\n")
     assert run(capsys, "plot", file)[0] == 0
-    assert (tmp_path / "run.png").stat().st_size > 10_000
+    assert run(capsys, "plot", file, "--episode", 1)[1] == f"{tmp_path / 'run_1.png'}\n"
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("run.png", "run_1.png"))
     file.write_bytes(file.read_bytes()[:-20])
     assert "was cut" in run(capsys, "recover", file)[1]
     assert run(capsys, "replay", tmp_path / "run.recovered.mcap", "--check")[0] == 0

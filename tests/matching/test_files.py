@@ -30,6 +30,21 @@ def test_an_edited_file_is_what_the_policy_begins_with(tmp_path, untrained_core)
     assert "action drive.slide_x = +2 drive.slide_x" in text
 
 
+def test_a_file_may_use_the_names_that_the_models_have(tmp_path, untrained_core):
+    names = {"hinge_y: ": "hinge: ", "hinge_y2": "hinge2", "drive.slide_x: {drive.slide_x": "slide: {slide"}
+    text = FILE
+    for canonical, model in names.items():
+        assert canonical in text
+        text = text.replace(canonical, model)
+    (tmp_path / "canonical.yaml").write_text(FILE)
+    (tmp_path / "model.yaml").write_text(text)
+    one, other = (wrap(untrained_core, TWO, match=tmp_path / f"{name}.yaml").describe() for name in ("canonical", "model"))
+    assert one == other
+    (tmp_path / "model.yaml").write_text(FILE.replace("hinge_y: ", "hinge: {hinge_y: 1.0}, hinge_y: "))
+    with pytest.raises(ConfigError, match="the match has hinge and hinge_y, which are one; leave one out"):
+        wrap(untrained_core, TWO, match=tmp_path / "model.yaml")
+
+
 def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core):
     copy = Copy({}, {"drive.slide_x": {"drive.slide_x": 1.0}}, inputs={"hinge_y.position": {"slide_x.position": 3.0}})
     text = wrap(untrained_core, TWO, match=Pairing(ONE, TWO, (copy,))).describe()

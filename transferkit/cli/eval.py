@@ -23,15 +23,17 @@ def main(arguments: Sequence[str]) -> Answer:
     from transferkit.subject import evaluate_subject  # noqa: PLC0415
 
     subject = subject_of(options, values=False)
-    scores = evaluate_subject(
+    evaluation = evaluate_subject(
         subject,
         episodes=options.episodes,
         seed=options.seed,
         max_episode_steps=options.max_episode_steps,
         report=evaluation_progress(options.episodes),
-    ).scores()
+    )
+    scores = evaluation.scores()
     how = ", wrapped and not trained there" if subject.wrapped else ""
     interval = f", 95 % interval {scores['return_low']:.1f} to {scores['return_high']:.1f}" if scores["n"] > 1 else ""
     text = f"return {scores['return_mean']:.1f}{interval}, {scores['n']} episodes, seed {options.seed}\n{subject.env}{how}"
     data = {"run_dir": options.name, "env": subject.env, "wrapped": subject.wrapped, "seed": options.seed, **scores}
+    data |= {"returns": evaluation.returns, "lengths": evaluation.lengths}
     return Answer(data, text)

@@ -6,10 +6,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from transferkit.cli.answer import Answer, parser, whole
+from transferkit.cli.answer import Answer, parser
 from transferkit.cli.environment import add_environment, environment
-from transferkit.cli.subject import add_best
-from transferkit.config.checks import NOT_NEGATIVE
+from transferkit.cli.subject import add_choice, subject_of
 from transferkit.errors import ConfigError
 from transferkit.files import check_new
 
@@ -22,8 +21,7 @@ def main(arguments: Sequence[str]) -> Answer:
         flags,
         "environment of the policy; a core or a run is wrapped onto another than its own; with --minari, the recordings' own",
     )
-    flags.add_argument("--member", type=whole("member", NOT_NEGATIVE), help="which of a core's source seeds, by default 0")
-    add_best(flags)
+    add_choice(flags)
     flags.add_argument("--leapp", type=Path, metavar="FILE.yaml", help="also write LEAPP YAML and its network")
     flags.add_argument("--descriptor", type=Path, metavar="FILE.yaml", help="also write Isaac Lab's IO descriptors")
     target = flags.add_mutually_exclusive_group(required=True)
@@ -33,8 +31,8 @@ def main(arguments: Sequence[str]) -> Answer:
     if (options.leapp is not None or options.descriptor is not None) and options.out is None:
         raise ConfigError("{leapp} and {descriptor} are of a policy", remedy="give {out}")
     if options.minari is not None:
-        if options.member is not None or options.best:
-            raise ConfigError("{member} and {best} are of a policy", remedy="give {out}, or leave them out")
+        if options.member is not None or options.best or options.match is not None:
+            raise ConfigError("{member}, {best} and {match} are of a policy", remedy="give {out}, or leave them out")
         return _minari(options.names, options.minari, environment(options))
     if len(options.names) > 1:
         raise ConfigError(f"{len(options.names)} policies do not fit into one file", remedy="export them one by one")
@@ -59,18 +57,16 @@ def _minari(names: Sequence[str], dataset: str, env: str | None) -> Answer:
 
 def _onnx(options: argparse.Namespace) -> Answer:
     from transferkit.export import PARITY_ROWS, export_descriptor, export_leapp, export_onnx  # noqa: PLC0415 - torch takes seconds
-    from transferkit.subject import home_of, load_subject  # noqa: PLC0415
 
-    name, out = options.names[0], options.out
-    env = environment(options, lambda: home_of(name))
-    subject = load_subject(name, env=env, member=options.member, best=options.best, values=False)
+    options.name, out = options.names[0], options.out
+    subject = subject_of(options, values=False)
     network = None if options.leapp is None else export_leapp(subject, options.leapp)
     beside = "" if network is None else f"\n{options.leapp} with {network}"
     if options.descriptor is not None:
         export_descriptor(subject, options.descriptor)
         beside += f"\n{options.descriptor}"
     difference = export_onnx(subject, out)
-    how = f"\n{name} is wrapped onto {env} and not trained there" if subject.wrapped else ""
+    how = f"\n{options.name} is wrapped onto {subject.env} and not trained there" if subject.wrapped else ""
     text = f"{out}: differs from torch by at most {difference:.1e} on {PARITY_ROWS} random observations{beside}{how}"
     files = {"file": str(out)} | ({} if network is None else {"leapp": str(options.leapp), "leapp_network": str(network)})
     files |= {} if options.descriptor is None else {"descriptor": str(options.descriptor)}

@@ -17,7 +17,7 @@ def main(arguments: Sequence[str]) -> Answer:
         "Draw the learning curve of a run and the errors of its learnt model, or the traces of a recorded episode.",
     )
     flags.add_argument("run", metavar="RUN|FILE.mcap", type=Path, help="run directory, finished or not, or a recording")
-    flags.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png or FILE.png")
+    flags.add_argument("--out", type=Path, help="PNG, SVG or PDF; by default RUN/curves.png, FILE.png, or FILE_EPISODE.png")
     flags.add_argument("--episode", type=whole("episode", NOT_NEGATIVE), help="of a recording, by default 0")
     flags.add_argument("--mapping", type=Path, metavar="FILE.toml", help="where another tool's recording has what")
     options = flags.parse_args(arguments)
@@ -29,6 +29,7 @@ def main(arguments: Sequence[str]) -> Answer:
         out = options.out or options.run / "curves.png"
         draw_run(options.run, out)
     else:
-        out = options.out or options.run.with_suffix(".png")
+        which = "" if options.episode is None else f"_{options.episode}"
+        out = options.out or options.run.with_name(f"{options.run.stem}{which}.png")
         draw_recording(options.run, out, episode=options.episode or 0, mapping=options.mapping)
     return Answer({"picture": str(out)}, str(out))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
@@ -41,7 +42,7 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
 
 def _scales(pairing: Pairing, gravity: float) -> str:
     held = f"; held for {pairing.hold} control steps" if pairing.hold > 1 else ""
-    heavier = "" if gravity == 1 else f", its gravity {gravity:.3g} times"
+    heavier = "" if math.isclose(gravity, 1, rel_tol=5e-3) else f", its gravity {gravity:.3g} times"
     return f"  lengths: the source's are {pairing.length:.3g} times the target's{heavier}; {KEPT[pairing.forces]}{held}"
 
 

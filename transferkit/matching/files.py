@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import asdict
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from transferkit.config.checks import check_kind
 from transferkit.env_id import EnvId
@@ -16,7 +17,9 @@ from transferkit.reading import FormatError, parse_yaml, read_bytes
 
 if TYPE_CHECKING:
     from transferkit.pairing import Combination, Copy
-    from transferkit.spec import IOSpec
+    from transferkit.spec import Actuator, IOSpec, Joint
+
+Value = TypeVar("Value")
 
 LARGEST = 1_000_000
 """Bytes of a match file."""
@@ -24,6 +27,7 @@ LARGEST = 1_000_000
 HEAD = """\
 # How a core of {source} stands on {target}. Edit it and hand it back: wrap(core, env, match=FILE), --match FILE.
 # joints: what each joint of the core's robot reads of the target's, with signs. actions: what drives each actuator.
+# Joints and actuators may also be called what their models call them.
 # shift: added to what a joint reads. inputs: core inputs read from elements of the observation, whatever the joints say.
 """
 
@@ -70,8 +74,44 @@ def load_match(path: str | Path) -> Pairing:
         ) from None
 
 
+def in_canonical_names(pairing: Pairing, source: IOSpec, target: IOSpec) -> Pairing:
+    """The same match with canonical names where it has a joint's or an actuator's name in its model.
+
+    Raises:
+        ConfigError: it names one under both names.
+    """
+    own, others = _canonical(source.joints), _canonical(target.joints)
+    actuators, driven = _canonical(source.action), _canonical(target.action)
+    copies = tuple(
+        replace(
+            copy,
+            joints={name: _renamed(reads, others) for name, reads in _renamed(copy.joints, own).items()},
+            shift=_renamed(copy.shift, own),
+            actions={name: _renamed(drives, actuators) for name, drives in _renamed(copy.actions, driven).items()},
+        )
+        for copy in pairing.copies
+    )
+    return replace(pairing, copies=copies)
+
+
+def _canonical(parts: Sequence[Joint] | Sequence[Actuator]) -> dict[str, str]:
+    """Canonical names by those of the model that only one has, and that are no canonical names themselves."""
+    known, times = {part.name for part in parts}, Counter(part.model_name for part in parts)
+    return {part.model_name: part.name for part in parts if times[part.model_name] == 1 and part.model_name not in known}
+
+
+def _renamed(named: Mapping[str, Value], canonical: Mapping[str, str]) -> dict[str, Value]:
+    renamed = {canonical.get(name, name): value for name, value in named.items()}
+    if len(renamed) < len(named):
+        twice = next(name for name in named if canonical.get(name) in named)
+        raise ConfigError(
+            f"the match has {twice} and {canonical[twice]}, which are one", remedy="leave one out", topic="matches"
+        )
+    return renamed
+
+
 def check_match(pairing: Pairing, source: IOSpec, target: IOSpec) -> None:
-    """Compare a match with the specs of a core and of a target.
+    """Compare a match in canonical names with the specs of a core and of a target.
 
     Raises:
         ConfigError: it is of other environments, or has something that reads nothing.
