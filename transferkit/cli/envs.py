@@ -10,7 +10,7 @@ from transferkit.cli.environment import add_environment, environment
 from transferkit.table import format_table
 
 if TYPE_CHECKING:
-    from transferkit.spec import IOSpec
+    from transferkit.spec import Element, IOSpec
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -30,10 +30,17 @@ def main(arguments: Sequence[str]) -> Answer:
     return Answer(spec.to_json(), describe(spec))
 
 
+def _reads(element: Element) -> str:
+    """The joints that an element responds to, with slopes other than 1 and what it has at zero."""
+    slopes = element.coefficients or (1.0,) * len(element.joints)
+    terms = [name if slope == 1 else f"{slope:.4g} {name}" for name, slope in zip(element.joints, slopes, strict=True)]
+    return ", ".join([*terms, *([f"{element.offset:+.4g}"] if element.offset else [])])
+
+
 def describe(spec: IOSpec) -> str:
     """Describe an environment's numbers and what they mean."""
     limit = "no limit" if spec.episode_limit is None else f"{spec.episode_limit} steps an episode"
-    observation = [(i, e.name, e.quantity, e.unit, ", ".join(e.joints)) for i, e in enumerate(spec.observation)]
+    observation = [(i, e.name, e.quantity, e.unit, _reads(e)) for i, e in enumerate(spec.observation)]
     action = [(i, a.name, a.model_name, f"{a.low:g} to {a.high:g}", f"{a.gear:g}", a.unit) for i, a in enumerate(spec.action)]
     joints = [(j.name, j.model_name, j.type, " ".join(f"{x:g}" for x in j.axis), j.parent or "world") for j in spec.joints]
     return "\n\n".join(

@@ -16,8 +16,7 @@ from transferkit.cli.remote_zoo import REMOTE, SUMMARY, add_remote, cells, list_
 from transferkit.cli.wording import worded
 from transferkit.errors import ConfigError, TransferkitError
 from transferkit.table import format_table
-from transferkit.zoo.card import read_card
-from transferkit.zoo.catalog import core_folders, find_core, list_cards
+from transferkit.zoo.catalog import core_folders, find_card, find_core, list_cards
 from transferkit.zoo.summary import Summary
 
 if TYPE_CHECKING:
@@ -65,7 +64,7 @@ def _show(options: argparse.Namespace) -> Answer:
     from transferkit.zoo.readme import render  # noqa: PLC0415
 
     folder = find_core(options.id)
-    card, crossings = read_card(folder), read_crossings(folder.parent)
+    card, crossings = find_card(options.id), read_crossings(folder.parent)
     known = [] if crossings is None else [asdict(one) for one in crossings.cores.get(card.id, ())]
     return Answer({**card.to_json(), "untrained": known}, render(card, crossings, options.id))
 

@@ -30,13 +30,13 @@ class Core:
     """Components of a policy that was trained on a source environment; made by `load_core` or by `pretrain`."""
 
     id: str
-    spec: IOSpec
+    spec: IOSpec = field(repr=False)
     """Meaning of the source's observation and action."""
     architecture: Architecture | Composed
     """Of its network; composed if it was trained around a core itself."""
     seeds: Sequence[int]
     """Source seed of each member."""
-    components: Mapping[str, Mapping[str, Tensor]]
+    components: Mapping[str, Mapping[str, Tensor]] = field(repr=False)
     """Tensors by name of each component (`policy`, `normalizer`, `critic`, `dynamics`), with a leading axis over members."""
     digest: str = ""
     """Hash of the artifact that it came from, or of the policy of a run."""

@@ -22,7 +22,7 @@ from transferkit.run import named_run
 from transferkit.streams import Streams
 from transferkit.tensors import check_enough, parse_tensors
 from transferkit.zoo.card import CARD, LARGEST, PROBE, README, RESTORE, WEIGHTS, ComponentCard, read_card
-from transferkit.zoo.catalog import checked_name, core_folders, find_core
+from transferkit.zoo.catalog import core_folders, find_card, find_core
 from transferkit.zoo.on_the_fly import imported
 from transferkit.zoo.readme import render
 from transferkit.zoo.run_core import core_of_run
@@ -66,8 +66,7 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
         return imported(own, env)
     if not known and os.path.isdir(own) and not (own / CARD).exists():
         raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")
-    folder = find_core(name)
-    card = checked_name(read_card(folder), str(name)) if known else read_card(folder)
+    folder, card = find_core(name), find_card(name)
     check_files(card)
     _read_bytes(folder, PROBE, card)
     components: dict[str, dict[str, Tensor]] = {}

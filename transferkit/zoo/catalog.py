@@ -71,9 +71,10 @@ def find_card(name: str | Path) -> Card:
 
     Raises:
         UnknownNameError: there is no such core.
-        ArtifactError: its card is damaged, tampered with, or too new.
+        ArtifactError: its card is damaged, tampered with, too new, or has another name than its folder in the zoo.
     """
-    return read_card(find_core(name))
+    card = read_card(find_core(name))
+    return checked_name(card, str(name)) if str(name) in core_folders() else card
 
 
 def list_cards() -> tuple[list[Card], list[ArtifactError]]:
