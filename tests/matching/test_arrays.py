@@ -5,6 +5,7 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+import torch
 from gymnasium.spaces import Box
 from gymnasium.wrappers import TransformObservation
 
@@ -12,6 +13,7 @@ from tests.envs.own import STACKS, pendulum
 from transferkit import derive_spec, load_core, vary, wrap
 from transferkit.errors import ConfigError
 from transferkit.matching import angle_pairs, compiled, pair
+from transferkit.pairing import Copy
 from transferkit.policy.base import ConstantPolicy
 from transferkit.policy.health import health
 
@@ -49,6 +51,28 @@ def test_what_is_added_to_a_velocity_is_taken_off():
     assert found["hinge_y.velocity"] == (0.4, {"hinge_y.velocity": 2.0})
 
 
+def with_bounds(spec, low, high):
+    return replace(spec, action=tuple(replace(actuator, low=low, high=high) for actuator in spec.action))
+
+
+def test_a_force_is_counted_from_zero_whatever_the_middle_of_the_bounds():
+    """An action of 1 is 3 from the middle: of -3 to 3, of 0 to 6 (-1 does nothing), and of 1.5 to 7.5 (no action does)."""
+    core = load_core("inverted-pendulum-v1")
+    target = with_bounds(core.spec, 0.0, 6.0)
+    match = compiled(pair(core.spec, target), core.spec, target)
+    assert (match.action_weight, match.action_bias) == (((1.0,),), (-1.0,))
+    assert compiled(pair(target, core.spec), target, core.spec).action_bias == (1.0,)
+    assert compiled(pair(target, target), target, target).action_bias == ()
+    seen = torch.tensor([[0.1, 0.02, -0.3, 0.2]])
+    own, shifted = (wrap(core, spec)(seen)[0] for spec in (core.spec, target))
+    torch.testing.assert_close(shifted, own - 1.0)
+    assert "action drive.slide_x = +1 drive.slide_x -1\n" in wrap(core, target).describe()
+    undriven = replace(pair(core.spec, target), copies=(Copy({"hinge_y": {"hinge_y": 1.0}}, {}),))
+    for bounds, nothing in (((0.0, 6.0), -1.0), ((1.5, 7.5), -1.0), ((-1.5, 4.5), -0.5), ((-3.0, 3.0), None)):
+        arrays = compiled(undriven, core.spec, with_bounds(core.spec, *bounds))
+        assert arrays.action_bias == (() if nothing is None else (nothing,))
+
+
 def test_the_past_is_as_long_ago_as_for_the_core():
     """A step of the core is three of the target's: x(t - 3) = x(t) + 3 (x(t - 1) - x(t))."""
     target = derive_spec(f"{ONE}?vary.frames=2")
@@ -64,6 +88,8 @@ def test_a_past_action_is_what_the_core_would_have_done():
     found = inputs(derive_spec(made), derive_spec(vary(made, gear=0.5)))
     assert found["drive.slide_x.action"] == (0.0, {"drive.slide_x.action": 0.5})  # to six digits of the gear
     assert inputs(derive_spec(made), derive_spec(ONE))["drive.slide_x.action"] == (0.0, {})
+    other = with_bounds(derive_spec(made), 0.0, 6.0)  # whose force is the same number
+    assert inputs(derive_spec(made), other)["drive.slide_x.action"] == (0.0, {"drive.slide_x.action": 1.0})
 
 
 def test_a_core_that_holds_its_actions_holds_them_as_long_elsewhere():

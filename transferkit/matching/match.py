@@ -43,7 +43,7 @@ class Match:
 
     With `angles = atan2(obs[sin], obs[cos])` and `z = [obs, angles] @ weight.T + bias`, core input i is z_i, sin(z_i) or
     cos(z_i) as `form` says; the inputs of one copy follow those of another. Action k of the target is
-    `action_weight[k] @ core_actions`.
+    `action_weight[k] @ core_actions + action_bias[k]`.
     """
 
     sin: tuple[int, ...]
@@ -62,6 +62,8 @@ class Match:
     """Control steps of the target for which an action is held."""
     pairing: Pairing | None = None
     """What it was made from; None for a control that matches nothing."""
+    action_bias: tuple[float, ...] = ()
+    """`(target act_dim,)`, empty if the middle of every actuator's bounds is where it does nothing."""
 
     def fits(self, source: IOSpec, target: IOSpec) -> bool:
         """Whether the arrays have the dimensions that the specs need."""
@@ -76,8 +78,9 @@ class Match:
             and all(len(row) == width for row in self.weight)
             and len(self.action_weight) == target.act_dim
             and all(len(row) == self.copies * source.act_dim for row in self.action_weight)
+            and len(self.action_bias) in (0, target.act_dim)
             and set(self.form) <= {"linear", "sin", "cos", "none"}
-            and all(map(math.isfinite, itertools.chain(self.bias, *self.weight, *self.action_weight)))
+            and all(map(math.isfinite, itertools.chain(self.bias, self.action_bias, *self.weight, *self.action_weight)))
         )
 
     @property
@@ -120,6 +123,7 @@ def compiled(pairing: Pairing, source: IOSpec, target: IOSpec) -> Match:
             len(rows),
             pairing.hold,
             pairing,
+            tuple(bias.tolist()) if (bias := action_bias(actions, source, target)).any() else (),
         )
 
 
@@ -129,6 +133,18 @@ def padded(source: IOSpec, target: IOSpec) -> Match:
     form = tuple("linear" if k < target.obs_dim else "none" for k in range(source.obs_dim))
     rows = [tuple(map(tuple, matrix.tolist())) for matrix in (weight, action)]
     return Match((), (), rows[0], (0.0,) * source.obs_dim, form, rows[1])
+
+
+def action_bias(factors: NDArray, source: IOSpec, target: IOSpec) -> NDArray:
+    """Find what to add to actions `(target act_dim,)`: an action is counted from the middle of its bounds, a force from zero.
+
+    An actuator that nothing drives does nothing, or as little as it can.
+    """
+    own, others = (np.array([one.centre / one.half_range for one in spec.action]) for spec in (source, target))
+    driven = factors.any(axis=1)
+    return np.where(
+        driven, factors @ np.tile(own, factors.shape[1] // max(1, source.act_dim)) - others, np.clip(-others, -1.0, 1.0)
+    )
 
 
 def same_mechanism(source: IOSpec, target: IOSpec, copy: Copy) -> bool:
@@ -294,8 +310,8 @@ class _Rows:
         shares[np.abs(shares) < 1e-9] = 0.0
         if not np.allclose(shares @ factors, np.eye(len(names))[j], atol=1e-6):
             return None
-        actuator = self._source.action[j]
-        weight, bias = np.zeros(self._target.obs_dim), actuator.centre
+        actuator, added = self._source.action[j], action_bias(factors, self._source, self._target)
+        weight, bias = np.zeros(self._target.obs_dim), actuator.centre - actuator.half_range * float(shares @ added)
         done = {(e.name_now, e.age): k for k, e in enumerate(self._target.observation) if e.quantity == "action"}
         for k in np.flatnonzero(shares):
             other = self._target.action[k]

@@ -91,7 +91,9 @@ def output_adapter(
     adapter = Linear(match.copies * d_in, act_dim)
     weight = torch.tensor(match.action_weight)
     with torch.no_grad():
+        if match.action_bias:
+            adapter.bias.copy_(torch.tensor(match.action_bias))
         adapter.weight.copy_(weight if head is None else weight @ torch.block_diag(*[head.weight] * match.copies))
         if head is not None:
-            adapter.bias.copy_(weight @ head.bias.repeat(match.copies))
+            adapter.bias.add_(weight @ head.bias.repeat(match.copies))
     return adapter

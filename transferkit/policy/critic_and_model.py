@@ -85,7 +85,10 @@ class AdaptedInput(nn.Module):
         self.action = Linear(policy.act_dim, core.spec.act_dim, None if match else generator, gain=1.0)
         if match is not None:
             with torch.no_grad():
-                self.action.weight.copy_(torch.from_numpy(np.linalg.pinv(np.array(match.action_weight))))
+                back = np.linalg.pinv(np.array(match.action_weight))
+                self.action.weight.copy_(torch.from_numpy(back))
+                if match.action_bias:
+                    self.action.bias.copy_(torch.from_numpy(-back @ match.action_bias))
         self.finetune = ResidualLinear(core.spec.obs_dim + core.spec.act_dim)
 
     def forward(self, observation: Tensor, action: Tensor) -> Tensor:

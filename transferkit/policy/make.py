@@ -127,7 +127,8 @@ def _scratch(obs_dim: int, act_dim: int, config: NetworkConfig, generator: torch
 def _copies_actions(match: Match) -> bool:
     """Whether each action of the target is one of the core's, as it is or turned round: only then is its tanh the core's."""
     rows = [[weight for weight in row if weight] for row in match.action_weight]
-    return all(len(row) <= 1 and all(abs(weight) == 1 for weight in row) for row in rows)
+    copied = all(len(row) <= 1 and all(abs(weight) == 1 for weight in row) for row in rows)
+    return copied and not match.action_bias
 
 
 def _configure(config: WrapConfig, options: Mapping[str, Any]) -> WrapConfig:
