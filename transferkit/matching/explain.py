@@ -81,10 +81,8 @@ def _why(element: Element, joints: Mapping[str, Combination]) -> str:
 
 def _actions(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
     names = [f"{a.name}{f'[{k + 1}]' if match.copies > 1 else ''}" for k in range(match.copies) for a in source.action]
-    lines = []
-    for actuator, row, bias in zip(
-        target.action, match.action_weight, match.action_bias or (0.0,) * target.act_dim, strict=True
-    ):
+    biases, lines = match.action_bias or (0.0,) * target.act_dim, []
+    for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
         terms = _terms({name: w for w, name in zip(row, names, strict=True) if w})
         added = f" {bias:+.4g}" if terms and bias else ""
         lines.append(f"  action {actuator.name} = {terms or 'not matched: nothing of the core drives it'}{added}")
