@@ -10,7 +10,7 @@ import torch
 from transferkit import derive_spec, evaluate, load_core, load_policy, load_subject, match, run_training
 from transferkit.budget import Budget
 from transferkit.config import EnvConfig, TrainConfig, with_settings
-from transferkit.envs import VectorEnv, make_env
+from transferkit.envs import VectorEnv, find_mirror, make_env
 from transferkit.errors import ConfigError, RunDirectoryError, UnknownNameError
 from transferkit.evaluation import Evaluation
 from transferkit.matching import save_match
@@ -47,7 +47,7 @@ def trained_by_hand(config, folder):
     """The trainer of a run of one environment, after it has done all that `run_training` makes it do."""
     core = None if config.core is None else load_core(config.core)
     policy, streams = new_policy(config, core), Streams(config.seed)
-    trainer = make_trainer(policy, config, partial(derive_spec, ENV), streams, torch.device("cpu"))
+    trainer = make_trainer(policy, config, partial(derive_spec, ENV), partial(find_mirror, ENV), streams, torch.device("cpu"))
     envs = VectorEnv([make_env(ENV)], partial(streams.integer, "environment"))
     with RunDirectory.create(folder, {}) as directory:
         session = Session(directory, Budget(steps=config.steps), 1, evaluate=lambda _: Evaluation((0.0,), (1,)))

@@ -17,7 +17,7 @@ import torch
 
 from transferkit.budget import KINDS, Budget, Spent
 from transferkit.config import TrainConfig, identity, migrated_blueprint
-from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, is_written, make_env, names_module
+from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, find_mirror, is_written, make_env, names_module
 from transferkit.errors import ConfigError, SettingError, reason_of
 from transferkit.evaluation import evaluate
 from transferkit.files import check_folder, damaged_run
@@ -181,8 +181,9 @@ class Job:
         if compiled and not is_captured(self.config):
             check_compiler()
         streams, device = Streams(self.config.seed), _device(self.config.device)
-        spec_of, arrays = lambda: derive_spec(self.env), prior.batch() if prior else None
-        return make_trainer(self.policy, self.config, spec_of, streams, device, arrays, compiles=compiled)
+        of_env = partial(derive_spec, self.env), partial(find_mirror, self.env)
+        arrays = prior.batch() if prior else None
+        return make_trainer(self.policy, self.config, *of_env, streams, device, arrays, compiles=compiled)
 
     def envs(self, trainer: Trainer) -> VectorEnv:
         """Make as many environments as the trainer steps."""

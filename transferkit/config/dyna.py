@@ -96,6 +96,9 @@ class DynaConfig:
     """Share of the transitions learnt from that are drawn by their discount since the episode began, as the policy gradient
     weights them (Sutton et al. 2000; Thomas 2014). The rest is drawn evenly: once episodes are long, starts, which decide all,
     are hardly among them."""
+    mirror: bool = False
+    """Learn from the mirror image of every other transition, if the simulation has one: a pole that falls to the left teaches
+    what one that falls to the right does, and one leg what the other (Lin et al. 2020)."""
     reward_scale: float = 0.1
     """Factor of rewards in the critics."""
     normalize_reward: bool = False

@@ -53,6 +53,15 @@ FIVE_CRITICS = DynaConfig(
     gamma=0.975,
 )
 
+HELD_TO_CORE = replace(FIVE_CRITICS, anchor_holds=True, even_updates=True)
+"""What was learnt around a core is held to it while it is behind."""
+
+AT_ITS_PEAK = replace(HELD_TO_CORE, keep_peak=True)
+"""And what was learnt is kept while it is better."""
+
+MIRRORED = replace(AT_ITS_PEAK, mirror=True, average_share=0.1)
+"""And it is learnt from both sides, and averaged."""
+
 IMAGINED_PPO = PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)
 
 MECHANISM = WrapConfig(limbs="all", forces="auto", hold=0)
@@ -110,14 +119,9 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     "dyna-ddpg": {
         "default-v1": Preset(network=DDPG_NETWORK),
         "default-v2": Preset(network=DDPG_NETWORK, dyna=FIVE_CRITICS, wrap=MECHANISM),
-        "default-v3": Preset(
-            network=DDPG_NETWORK, dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True), wrap=UNWEAKENED
-        ),
-        "default-v4": Preset(
-            network=DDPG_NETWORK,
-            dyna=replace(FIVE_CRITICS, anchor_holds=True, even_updates=True, keep_peak=True),
-            wrap=WORTH_IT,
-        ),
+        "default-v3": Preset(network=DDPG_NETWORK, dyna=HELD_TO_CORE, wrap=UNWEAKENED),
+        "default-v4": Preset(network=DDPG_NETWORK, dyna=AT_ITS_PEAK, wrap=WORTH_IT),
+        "default-v5": Preset(network=DDPG_NETWORK, dyna=MIRRORED, wrap=WORTH_IT),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -174,7 +178,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
-of the others until 2026-11-28, `default-v6` of PPO and `default-v3` of the others until 2026-11-29; `paper-v1` follows the
+of the others until 2026-11-28, `default-v6` of PPO and `default-v3` of the others until 2026-11-29, `default-v4` of DYNA-DDPG for a part of that day; `paper-v1` follows the
 paper's code (docs: departures)."""
 
 

@@ -2,6 +2,7 @@
 
 from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, solved_return, time_step
 from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, rules_of, vary
+from transferkit.envs.mirror import Mirror, find_mirror
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
@@ -14,6 +15,7 @@ __all__ = [
     "Actor",
     "Count",
     "EnvLike",
+    "Mirror",
     "Simulation",
     "Step",
     "Transition",
@@ -25,6 +27,7 @@ __all__ = [
     "environment_ids",
     "episode_limit",
     "failed",
+    "find_mirror",
     "id_from_file",
     "is_maker",
     "is_written",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
+    from transferkit.envs import Mirror
     from transferkit.policy.base import Policy
     from transferkit.spec import IOSpec
     from transferkit.streams import Streams
@@ -20,6 +21,7 @@ def make_trainer(
     policy: Policy,
     config: TrainConfig,
     spec_of: Callable[[], IOSpec],
+    mirror_of: Callable[[], Mirror | None],
     streams: Streams,
     device: torch.device,
     prior: Sequence[NDArray] | None = None,
@@ -32,6 +34,7 @@ def make_trainer(
         policy: is trained in place.
         config: the whole run.
         spec_of: derives the spec of the environment, if the trainer needs it.
+        mirror_of: finds the environment's mirror image, if the trainer is to learn from that.
         streams: of the run's seed.
         device: of the networks.
         prior: the arrays of a `Batch` of elsewhere, to learn from at first.
@@ -47,4 +50,5 @@ def make_trainer(
         return DynaPPOTrainer(policy, spec_of(), config, streams, device, compiles=compiles)
     from transferkit.trainers.dyna.trainer import DynaTrainer  # noqa: PLC0415
 
-    return DynaTrainer(policy, spec_of(), config, streams, device, prior, compiles=compiles)
+    mirror = mirror_of() if config.dyna.mirror else None
+    return DynaTrainer(policy, spec_of(), config, streams, device, prior, mirror=mirror, compiles=compiles)

@@ -15,6 +15,7 @@ from transferkit.nn import Learner, Part, flatten
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
 from transferkit.trainers.dyna.fit import fit
 from transferkit.trainers.dyna.held import Held, held_transitions
+from transferkit.trainers.dyna.image import Image
 from transferkit.trainers.dyna.imagine import imagine, novelty
 from transferkit.trainers.dyna.programs import programs
 from transferkit.trainers.dyna.replay import ReplayBuffer
@@ -23,7 +24,7 @@ from transferkit.trainers.running_return import RunningReturn
 
 if TYPE_CHECKING:
     from transferkit.config import DynaConfig, ModelConfig
-    from transferkit.envs import Step
+    from transferkit.envs import Mirror, Step
     from transferkit.nn import Critic, Dynamics, PartAdam
     from transferkit.policy.base import Policy
     from transferkit.streams import Streams
@@ -55,9 +56,10 @@ class Agent:
         device: torch.device,
         *,
         time_step: float,
+        mirror: Mirror | None = None,
         compiles: bool = False,
     ) -> None:
-        """Make buffer, optimisers and target networks for an environment with this time step in seconds.
+        """Make buffer, optimisers and target networks for an environment with this time step in seconds and mirror image.
 
         `policy` becomes the average of what is learnt, if the configuration asks for one.
         """
@@ -69,6 +71,7 @@ class Agent:
         self.discount = self.step_discount**self.hold
         self.updates_per_action = config.updates(self.hold, time_step)
         self.buffer = ReplayBuffer(policy.obs_dim, policy.act_dim, config.buffer_size, device)
+        self._image = None if mirror is None else Image(mirror, device)
         self.returns = RunningReturn(1, self.step_discount)
         groups = policy.parameter_groups()
         actor = Learner(policy, [Part(g.parameters, g.lr_scale) for g in groups], config.actor_learning_rate)
@@ -137,7 +140,8 @@ class Agent:
             self._fit()
         if self._held is not None:
             return
-        batch = self.buffer.split(self._batches())
+        rows = self._batches()
+        batch = self.buffer.split(rows if self._image is None else self._image.of_half(rows, self.batches))
         if self.fitted and self.unrewarded:  # learn from what is new
             batch = batch._replace(reward=novelty(self.model, batch))
         target = self.programs.td_target(

@@ -19,7 +19,7 @@ from transferkit.trainers.dyna.replay import Batch
 
 if TYPE_CHECKING:
     from transferkit.config import TrainConfig
-    from transferkit.envs import VectorEnv
+    from transferkit.envs import Mirror, VectorEnv
     from transferkit.policy.base import Policy
     from transferkit.run import Session
     from transferkit.spec import IOSpec
@@ -47,10 +47,12 @@ class DynaTrainer:
         device: torch.device,
         prior: Sequence[NDArray] | None = None,
         *,
+        mirror: Mirror | None = None,
         compiles: bool = False,
     ) -> None:
         """Make critics, model and agent; `prior` are the arrays of a `Batch` of elsewhere, learnt from like the run's own.
 
+        With a `mirror` it learns from images, too.
         `policy` becomes what is learnt, or what is kept of it, if the configuration asks for that.
         """
         dyna, hidden = config.dyna, config.network.hidden
@@ -59,7 +61,7 @@ class DynaTrainer:
         model = make_dynamics(policy, spec, config.model, streams.torch("model initialisation"), wrapped=config.wrap.dynamics)
         critic = make_critic(policy, dyna, hidden, streams.torch("critic initialisation"), wrapped=config.wrap.critic)
         policy, critic, model = policy.to(device), critic.to(device), model.to(device)
-        options = {"time_step": spec.time_step, "compiles": compiles}
+        options = {"time_step": spec.time_step, "mirror": mirror, "compiles": compiles}
         self.agent = Agent(policy, critic, model, dyna, config.model, streams, device, **options)
         self._kept = Kept(given, policy, {"critic": critic, "dynamics": model}) if dyna.keep_peak else None
         self._taken_up = True
