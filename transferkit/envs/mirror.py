@@ -6,6 +6,7 @@ holds if in the simulation the image of a state and of an action leads to the im
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -17,6 +18,7 @@ from transferkit.envs.make import opened
 from transferkit.envs.memento import undisturbed
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.simulation import open_simulation
+from transferkit.errors import TransferkitError
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
@@ -25,11 +27,16 @@ if TYPE_CHECKING:
     from transferkit.envs.written import EnvLike
     from transferkit.spec import IOSpec, Joint
 
+LOGGER = logging.getLogger("transferkit")
+
 REFLECTIONS = ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0), (1.0, -1.0, 1.0))
 """None, of x, and of y: gravity keeps z."""
 
 CASES, TOLERANCE = 24, 1e-3
-"""States that are tried, and the largest difference from the image, as a share of what is seen but at least of 1."""
+"""States that are tried, and the largest difference from the image, as a share of the largest number."""
+
+ROUNDING = 1e-6
+"""What is no difference in any case."""
 
 MOST = 8
 """Maps of joints that are tried."""
@@ -55,15 +62,20 @@ class Mirror:
     action: Signed
 
 
-def find_mirror(env: EnvLike) -> Mirror | None:
+def find_mirror(env: EnvLike, spec: IOSpec | None = None) -> Mirror | None:
     """Find the mirror image of an environment; None if it has none, or free joints, or is not MuJoCo.
 
-    Of an environment that is made its state is lost.
+    Of an environment that is made its state is lost. One that fails in states where it is tried is said to have none.
+
+    Args:
+        env: in any form that `make_env` takes.
+        spec: its own, if that is known.
 
     Raises:
-        EnvironmentContractError: it fails.
+        UnknownNameError: no environment has this id.
+        EnvironmentContractError: it cannot be put under the contract, or fails as it is probed.
     """
-    spec = derive_spec(env)
+    spec = derive_spec(env) if spec is None else spec
     maps = [each for _, each in zip(range(MOST), _joint_maps(spec), strict=False)] if spec.joints else []
     if not maps:
         return None
@@ -73,8 +85,12 @@ def find_mirror(env: EnvLike) -> Mirror | None:
             return None
         steps = 1 + max(element.age for element in spec.observation)
         pairs = [(joints, action) for joints in maps if (action := _actions(spec, joints)) is not None]
-        found = (_held(made, simulation, *pair, steps) for pair in pairs)
-        return next((mirror for mirror in found if mirror is not None), None)
+        try:
+            found = (_held(made, simulation, *pair, steps) for pair in pairs)
+            return next((mirror for mirror in found if mirror is not None), None)
+        except TransferkitError as error:
+            LOGGER.warning("whether %s has a mirror image is not known: %s", spec.env_id, error)
+            return None
 
 
 def _joint_maps(spec: IOSpec) -> Iterator[Signed]:
@@ -148,21 +164,20 @@ def _held(made: Contract, simulation: Simulation, joints: Signed, action: Signed
 
     So many `steps` are taken that nothing observed is from before.
     """
-    rng, seen, images = np.random.default_rng(0), [], []
+    rng, ones, others = np.random.default_rng(0), [], []
     reference = simulation.model.qpos0
     for case in range(CASES):
         made.reset(seed=case)
         qpos, qvel = _random_state(simulation, rng)
         told = rng.uniform(-1.0, 1.0, (steps, len(action.index))).astype(np.float32)
-        one = _play(made, simulation, qpos, qvel, told)
+        ones.append(_play(made, simulation, qpos, qvel, told))
         made.reset(seed=case)
         image = reference + joints(qpos - reference), joints(qvel), action(told).astype(np.float32)
-        other = _play(made, simulation, *image)
-        if one[2] != other[2] or not np.allclose(one[1], other[1], rtol=TOLERANCE, atol=TOLERANCE):
-            return None
-        seen.append(one[0])
-        images.append(other[0])
-    observation = _observation_map(np.array(seen), np.array(images))
+        others.append(_play(made, simulation, *image))
+    (seen, *outcome), (images, *theirs) = ([np.array(part) for part in zip(*played, strict=True)] for played in (ones, others))
+    if not all(np.abs(one - other).max() <= _least(one) for one, other in zip(outcome, theirs, strict=True)):
+        return None
+    observation = _observation_map(seen, images)
     return None if observation is None else Mirror(observation, action)
 
 
@@ -177,23 +192,27 @@ def _random_state(simulation: Simulation, rng: np.random.Generator) -> tuple[NDA
 
 def _play(
     made: Contract, simulation: Simulation, qpos: NDArray, qvel: NDArray, actions: NDArray[np.float32]
-) -> tuple[NDArray, list[float], list[bool]]:
-    """The last observation, the rewards and the ends of some steps from a state."""
+) -> tuple[NDArray, list[float], list[float]]:
+    """The last observation, the rewards and the ends, as numbers, of some steps from a state."""
     data = simulation.data
     data.qpos[:], data.qvel[:], data.qacc_warmstart[:] = qpos, qvel, 0.0
     mujoco.mj_forward(simulation.model, data)
     steps = [made.step(action) for action in actions]
-    return steps[-1][0].astype(np.float64), [step[1] for step in steps], [step[2] for step in steps]
+    return steps[-1][0].astype(np.float64), [step[1] for step in steps], [float(step[2]) for step in steps]
+
+
+def _least(values: NDArray) -> float:
+    """The least difference that tells from these values."""
+    return TOLERANCE * float(np.abs(values).max()) + ROUNDING
 
 
 def _observation_map(seen: NDArray, images: NDArray) -> Signed | None:
     """Which element `(cases,)` of what was seen each element of the images is, with which sign; None if one is of none."""
     index, signs = [], []
-    scale = TOLERANCE * np.maximum(1.0, np.abs(seen).max(axis=0))
     for i in range(images.shape[1]):
         order = sorted(range(images.shape[1]), key=lambda k, i=i: k != i)
         pairs = ((k, sign) for k in order for sign in (1.0, -1.0))
-        fits = [(k, sign) for k, sign in pairs if (np.abs(images[:, i] - sign * seen[:, k]) <= scale[k]).all()]
+        fits = [(k, sign) for k, sign in pairs if (np.abs(images[:, i] - sign * seen[:, k]) <= _least(seen[:, k])).all()]
         if not fits:
             return None
         index.append(fits[0][0])

@@ -21,7 +21,7 @@ def make_trainer(
     policy: Policy,
     config: TrainConfig,
     spec_of: Callable[[], IOSpec],
-    mirror_of: Callable[[], Mirror | None],
+    mirror_of: Callable[[IOSpec], Mirror | None],
     streams: Streams,
     device: torch.device,
     prior: Sequence[NDArray] | None = None,
@@ -50,5 +50,6 @@ def make_trainer(
         return DynaPPOTrainer(policy, spec_of(), config, streams, device, compiles=compiles)
     from transferkit.trainers.dyna.trainer import DynaTrainer  # noqa: PLC0415
 
-    mirror = mirror_of() if config.dyna.mirror else None
-    return DynaTrainer(policy, spec_of(), config, streams, device, prior, mirror=mirror, compiles=compiles)
+    spec = spec_of()
+    mirror = mirror_of(spec) if config.dyna.mirror else None
+    return DynaTrainer(policy, spec, config, streams, device, prior, mirror=mirror, compiles=compiles)
