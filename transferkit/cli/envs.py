@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from transferkit.cli.answer import Answer, parser
@@ -21,13 +22,19 @@ def main(arguments: Sequence[str]) -> Answer:
     show = actions.add_parser("show", help="dimensions, element names, units, bounds, time step, limit")
     add_environment(show, "the environment", name="env")
     options = flags.parse_args(arguments)
-    from transferkit.envs import derive_spec, environment_ids  # noqa: PLC0415 - seconds to import
+    from transferkit.envs import derive_spec, environment_ids, find_mirror  # noqa: PLC0415 - seconds to import
 
     if options.action == "list":
         ids = environment_ids()
         return Answer(ids, "\n".join(ids))
-    spec = derive_spec(environment(options) or options.env)
-    return Answer(spec.to_json(), describe(spec))
+    env = environment(options) or options.env
+    spec = derive_spec(env)
+    mirror = find_mirror(env, spec)
+    image = (
+        "its mirror image moves alike: DYNA-DDPG learns from both" if mirror else "no mirror image is known that moves alike"
+    )
+    data = {**spec.to_json(), "mirror": mirror and asdict(mirror)}
+    return Answer(data, f"{describe(spec)}\n\n{image}")
 
 
 def _reads(element: Element) -> str:
