@@ -74,7 +74,7 @@ def load_subject(
             return _run_subject(run[0], env, best=best, values=values)
         name = str(policy_file(run[0], best=best))
     elif best:
-        raise ConfigError(f"{name} is no run, and has no best policy", remedy="leave out {best}")
+        raise ConfigError(f"{name} is not a run, so it has no best policy", remedy="leave out {best}")
     member = member or 0
     try:
         core = load_core(name, env=env if isinstance(env, str) else None)

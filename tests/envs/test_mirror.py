@@ -13,7 +13,7 @@ WALKER, POLES = "Walker2d-v5", "InvertedDoublePendulum-v5"
 
 
 def test_poles_fall_to_the_other_side():
-    """Of cart, angles, sines, cosines and velocities the cosines stay; what the rail pushes turns round, too."""
+    """Only the cosines keep their sign: the cart, sines, velocities and the force of the rail change theirs."""
     mirror = find_mirror(POLES)
     assert (mirror.action.index, mirror.action.sign) == ((0,), (-1.0,))
     assert mirror.observation.index == tuple(range(9))

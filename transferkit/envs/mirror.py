@@ -6,6 +6,7 @@ holds if in the simulation the image of a state and of an action leads to the im
 
 from __future__ import annotations
 
+import itertools
 import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -36,7 +37,7 @@ CASES, TOLERANCE = 24, 1e-3
 """States that are tried, and the largest difference from the image, as a share of the largest number."""
 
 ROUNDING = 1e-6
-"""What is no difference in any case."""
+"""A difference up to this is rounding."""
 
 MOST = 8
 """Maps of joints that are tried."""
@@ -76,7 +77,7 @@ def find_mirror(env: EnvLike, spec: IOSpec | None = None) -> Mirror | None:
         EnvironmentContractError: it cannot be put under the contract, or fails as it is probed.
     """
     spec = derive_spec(env) if spec is None else spec
-    maps = [each for _, each in zip(range(MOST), _joint_maps(spec), strict=False)] if spec.joints else []
+    maps = list(itertools.islice(_joint_maps(spec), MOST)) if spec.joints else []
     if not maps:
         return None
     with opened(env) as made, undisturbed(made):

@@ -21,7 +21,7 @@ def save_state(path: Path, state: object) -> None:
     """Write nested dicts and lists of tensors and JSON values as one safetensors file.
 
     Raises:
-        NotFiniteError: a number that is no tensor is not finite; the file is as it was.
+        NotFiniteError: a number outside the tensors is not finite; nothing is written.
     """
     tensors: dict[str, torch.Tensor] = {}
     try:

@@ -58,14 +58,14 @@ def load_core(name: str | Path, *, env: str | None = None) -> Core:
     """
     check_kind("name", name, (str, Path), "give a core's id or its folder")
     check_kind("env", env or "", str, "name the environment, such as 'module:MyEnv-v0'")
-    own, known = Path(name), str(name) in core_folders()
-    run = None if known or os.path.exists(own / CARD) else named_run(own)
-    if run is not None:
-        return core_of_run(run[0], env, best=run[1])
-    if not known and os.path.isfile(own):
-        return imported(own, env)
-    if not known and os.path.isdir(own) and not (own / CARD).exists():
-        raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")
+    own = Path(name)
+    if str(name) not in core_folders() and not os.path.exists(own / CARD):
+        if (run := named_run(own)) is not None:
+            return core_of_run(run[0], env, best=run[1])
+        if os.path.isfile(own):
+            return imported(own, env)
+        if os.path.isdir(own):
+            raise ArtifactError(f"{name} is neither a core's folder nor the directory of a run", topic="cores")
     folder, card = find_core(name), find_card(name)
     check_files(card)
     _read_bytes(folder, PROBE, card)
