@@ -118,18 +118,25 @@ def test_a_policy_that_answers_no_number_is_named(number):
         env.step(np.array([number], np.float32))
 
 
-def test_full_actions_stay_within_the_bounds():
+@pytest.mark.parametrize(
+    ("low", "high", "kind"), [(-0.2, 2.3, float), (-0.2, 2.3, np.float32), (-3, 4, int), (0, 255, np.uint8)]
+)
+def test_actions_are_of_their_space(low, high, kind):
     class Bounded(Counter):
-        action_space = gymnasium.spaces.Box(np.array([-0.2]), np.array([2.3]), dtype=np.float64)
+        action_space = gymnasium.spaces.Box(low, high, (1,), kind)
 
         def step(self, action):
             assert self.action_space.contains(action)
+            taken.append(float(action[0]))
             return super().step(action)
 
+    taken = []
     env = make_env(Bounded(5))
     env.reset(seed=0)
-    for action in (-1.0, 1.0):  # 1.05 - 1.25 is -0.2 and an ulp
+    for action in (-1.0, 1.0, 0.3):  # 1.05 - 1.25 is -0.2 and an ulp
         env.step(np.array([action], np.float32))
+    middle = (low + high) / 2 + 0.3 * (high - low) / 2
+    assert taken == pytest.approx([low, high, np.rint(middle) if np.issubdtype(kind, np.integer) else middle])
 
 
 def test_a_bound_that_is_no_number_is_refused():

@@ -14,6 +14,7 @@ MORE = {
     "installation": "`transferkit doctor` checks the installation",
     "mappings": "docs/recordings.md has an example",
     "matches": "`transferkit match CORE ENV` shows one",
+    "own environments": "docs/own_environment.md says what one may be and must do",
     "recordings": "`transferkit record` makes recordings",
     "variations": "docs/own_environment.md lists the variations",
     "verification": "`transferkit zoo verify ID` checks a core",

@@ -59,8 +59,8 @@ class Contract(gymnasium.Wrapper):
         self.observation_space = Box(-np.inf, np.inf, observations.shape, np.float32)
         self.low, self.high = actions.low.astype(np.float64), actions.high.astype(np.float64)
         self._centre, self._half_range = (self.low + self.high) / 2, (self.high - self.low) / 2
-        exact = type(env.unwrapped).__module__.startswith(GYMNASIUM) or not np.issubdtype(actions.dtype, np.floating)
-        self._dtype = np.dtype(np.float64) if exact else actions.dtype
+        self._dtype = np.dtype(np.float64) if type(env.unwrapped).__module__.startswith(GYMNASIUM) else actions.dtype
+        self._whole = np.issubdtype(self._dtype, np.integer)
         self.clip, self._limit = clip, 1.0 if clip else np.inf
         self._most = max_episode_steps or (NO_LIMIT if episode_limit(env) is None else math.inf)
         self.max_episode_steps = max_episode_steps
@@ -96,8 +96,9 @@ class Contract(gymnasium.Wrapper):
         scaled = self.scaled(action)
         self._steps += 1
         try:
+            own = np.rint(scaled) if self._whole else scaled
             observation, reward, terminated, truncated, info = self._answer(
-                self.env.step(scaled.astype(self._dtype, copy=False)), "step", STEP
+                self.env.step(own.astype(self._dtype, copy=False)), "step", STEP
             )
             observation = _as_float32(observation)
             reward = self._number(reward, "reward", NUMBERS)
@@ -130,7 +131,7 @@ class Contract(gymnasium.Wrapper):
             count = len(answer) if isinstance(answer, tuple) else f"a value of type {type(answer).__name__}"
             raise EnvironmentContractError(
                 f"{call} of {name_of(self.env)} returned {count} and not {len(wanted)} values: {', '.join(wanted)}",
-                topic="environments",
+                topic="own environments",
             )
         return answer
 
@@ -143,7 +144,7 @@ class Contract(gymnasium.Wrapper):
             found = f"an array of shape {kind.shape}" if kind.shape else f"a value of type {type(value).__name__}"
             wanted = "a number" if kinds == NUMBERS else "True or False"
             raise EnvironmentContractError(
-                f"environment {name_of(self.env)} returned {found} for {what}, and not {wanted}", topic="environments"
+                f"environment {name_of(self.env)} returned {found} for {what}, and not {wanted}", topic="own environments"
             )
         return float(kind)
 
@@ -152,7 +153,7 @@ class Contract(gymnasium.Wrapper):
             returned = f"an observation of shape {observation.shape} and info of type {type(info).__name__}"
             raise EnvironmentContractError(
                 f"environment {name_of(self.env)} returned {returned}, not {self.observation_space.shape} and dict",
-                topic="environments",
+                topic="own environments",
             )
         # A float64 sum of float32 values overflows on nothing finite, at half the time of np.isfinite.
         if not math.isfinite(observation.sum(dtype=np.float64) + reward):
@@ -188,7 +189,7 @@ def failed(env: str, where: str, error: BaseException) -> EnvironmentContractErr
         words = "no reason that can be written"
     reason = " ".join(f"{type(error).__name__}: {words}".split())[:300]
     place = f"{Path(frame.filename).name}, line {frame.lineno}"
-    return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="environments")
+    return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="own environments")
 
 
 @functools.cache

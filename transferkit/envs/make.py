@@ -191,7 +191,7 @@ def _copied(env: gymnasium.Env) -> gymnasium.Env:
         raise EnvironmentContractError(
             f"environment {name_of(env)} cannot be copied: {type(error).__name__}: {error}",
             remedy="give a function that makes one",
-            topic="environments",
+            topic="own environments",
         ) from None
     return twins[0]
 
@@ -208,15 +208,15 @@ def _check_room(space: gymnasium.Space, name: str) -> None:
         room = space.high.astype(float) - space.low.astype(float)
     for k in np.flatnonzero(np.isnan(room)):
         raise EnvironmentContractError(
-            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}", topic="environments"
+            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}", topic="own environments"
         )
     for k in np.flatnonzero(np.isinf(room)):
         raise EnvironmentContractError(
-            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}, too far apart", topic="environments"
+            f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g}, too far apart", topic="own environments"
         )
     for k in np.flatnonzero(room <= 0):
         raise EnvironmentContractError(
             f"action {k} of {name} has bounds {space.low[k]:g} to {space.high[k]:g} and cannot do anything",
             remedy="give its actuator a ctrlrange in the model",
-            topic="environments",
+            topic="own environments",
         )
