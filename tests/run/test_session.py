@@ -165,6 +165,18 @@ def test_a_learner_that_keeps_its_peak_is_known_by_it(tmp_path):
     assert again.peak == made.peak == pytest.approx(7.2)
 
 
+def test_an_episode_surpasses_the_latest_five_while_it_lasts(tmp_path):
+    made, told = Session(RunDirectory.create(tmp_path / "run", {}), Budget(steps=99), 1, evaluate=lambda _: None), []
+    with made.running():
+        for reward in (9.0, 10.0, 8.0, 7.0, 6.0, 5.0):
+            told.append(made.surpasses)
+            made.count(0, reward, terminated=True, truncated=False)
+        for reward in (9.0, 1.0, 0.5):
+            made.count(0, reward, terminated=False, truncated=False)
+            told.append(made.surpasses)
+    assert told == [True] * 5 + [False] + [False, False, True]  # 10.5 > 10; once there were five, nothing yet is less
+
+
 def test_the_first_evaluation_ends_no_run_also_if_something_was_charged_before(tmp_path):
     scores, schedule = iter([9.0, 9.0]), Schedule(2, stop_at=5.0)
     evaluate = lambda _: Evaluation((next(scores),), (25,))  # noqa: E731

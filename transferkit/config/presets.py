@@ -62,6 +62,9 @@ AT_ITS_PEAK = replace(HELD_TO_CORE, keep_peak=True)
 MIRRORED = replace(AT_ITS_PEAK, mirror=True, average_share=0.1)
 """And it is learnt from both sides, and averaged."""
 
+TRIED = replace(MIRRORED, keep_tried=True)
+"""And an episode has tried what is kept."""
+
 IMAGINED_PPO = PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)
 
 MECHANISM = WrapConfig(limbs="all", forces="auto", hold=0)
@@ -122,6 +125,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v3": Preset(network=DDPG_NETWORK, dyna=HELD_TO_CORE, wrap=UNWEAKENED),
         "default-v4": Preset(network=DDPG_NETWORK, dyna=AT_ITS_PEAK, wrap=WORTH_IT),
         "default-v5": Preset(network=DDPG_NETWORK, dyna=MIRRORED, wrap=WORTH_IT),
+        "default-v6": Preset(network=DDPG_NETWORK, dyna=TRIED, wrap=WORTH_IT),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(

@@ -141,6 +141,11 @@ class Session:
         return self.peak is None or self.latest_return == self.peak
 
     @property
+    def surpasses(self) -> bool:
+        """Whether an episode that lasts is better already than each of the latest; true before there are enough of these."""
+        return self.peak is None or max(self._return) > max([*self._recent][-LATEST:])
+
+    @property
     def is_behind(self) -> bool:
         """Whether there is a return to beat that the latest training episodes do not reach."""
         return self._is_below(self.latest_return)

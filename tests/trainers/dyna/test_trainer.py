@@ -10,7 +10,7 @@ from transferkit.config import TrainConfig, with_settings
 from transferkit.envs import derive_spec
 from transferkit.errors import DivergedError, InterruptedRunError
 from transferkit.policy.critic_and_model import make_dynamics
-from transferkit.run import EpisodeRow, load_state, read_table, save_state
+from transferkit.run import EpisodeRow, Session, load_state, read_table, save_state
 from transferkit.streams import Streams
 from transferkit.trainers.dyna.kept import Kept
 
@@ -105,3 +105,20 @@ def test_what_is_learnt_is_followed_to_the_end_until_episodes_say_that_it_was_be
     ends = [load_policy(tmp_path / str(keeps)) for keeps in (False, True)]
     np.testing.assert_array_equal(*(policy.act(ONES) for policy in ends))
     assert int(ends[1].normalizer.count) == 400
+
+
+def test_what_no_episode_has_tried_is_not_kept(full_core_folder, tmp_path, monkeypatch):
+    peaks, remember = [], Kept.remember
+
+    def spied(kept):
+        remember(kept)
+        peaks.append(kept._modules["policy"].act(ONES))
+
+    monkeypatch.setattr(Kept, "remember", spied)
+    monkeypatch.setattr(Session, "is_at_peak", True)
+    same = []
+    for tried in (False, True):
+        config = with_settings(with_peak(core=False, folder=full_core_folder, keeps=True), {"dyna.keep_tried": tried})
+        run_training(config, out=tmp_path / str(tried))
+        same.append(np.allclose(load_policy(tmp_path / str(tried)).act(ONES), peaks[-1], atol=1e-6))
+    assert same == [False, True]

@@ -109,7 +109,7 @@ class DynaTrainer:
         if not session.is_at_peak:
             if ended:
                 self._kept.recall()
-        elif ended or looks or session.progress >= 1:
+        elif ended or ((looks or session.progress >= 1) and (session.surpasses or not self.agent.config.keep_tried)):
             self._kept.follow(self.agent.average, self._latest())
             if ended:
                 self._kept.remember()
