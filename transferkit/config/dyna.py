@@ -89,8 +89,8 @@ class DynaConfig:
     """A run whose training episodes get worse again ends with the policy of its best five in a row, so that what was learnt is
     not lost (after Fujimoto et al. 2023)."""
     keep_tried: bool = False
-    """What is kept has been tried: while an episode lasts, nothing of it before its return is higher than each of the last five.
-    Else what was learnt since the last one ended is kept unseen, for as long as the episode goes well."""
+    """What is kept of a peak has been tried: while an episode lasts, nothing that is learnt in it before its return is higher
+    than each of the last five. Else that is kept unseen, and what spoils a policy meanwhile with it."""
     overrun_steps: Annotated[int, NOT_NEGATIVE] = 0
     """First steps in which an ended episode goes on (the paper's code)."""
     buffer_size: Annotated[int, BUFFER] = 1_000_000

@@ -182,8 +182,8 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
-of the others until 2026-11-28, `default-v6` of PPO, `default-v3` of the others and `default-v4` of DYNA-DDPG until 2026-11-29;
-`paper-v1` follows the paper's code (docs: departures)."""
+of the others until 2026-11-28, `default-v6` of PPO, `default-v3` of the others, `default-v4` and `default-v5` of DYNA-DDPG
+until 2026-11-29; `paper-v1` follows the paper's code (docs: departures)."""
 
 
 def preset_family(version: str) -> str:
