@@ -1,23 +1,29 @@
-"""The main job in two minutes: a core works on its twin at once, one gets a robot going, one is refused where none crosses."""
+"""The main job in two minutes: a core works on its twin at once, one gets a robot going, one is refused where none crosses.
+
+There a learner from scratch is what helps; it runs beside the rest, in a process of its own.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, wait
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit import stats
-from transferkit.budget import Budget
+from transferkit.budget import Budget, Spent
 from transferkit.config import TrainConfig
 from transferkit.envs import derive_spec, make_env
 from transferkit.evaluation import RandomPolicy, ZeroPolicy, evaluate
 from transferkit.files import check_folder
-from transferkit.plots import draw_learning_curves
+from transferkit.plots import draw_learning_curves, draw_run
 from transferkit.policy.make import wrap
 from transferkit.probation import hold_probation
+from transferkit.run import EpisodeRow, read_table
 from transferkit.training import run_training
+from transferkit.workers import worker_pool
 from transferkit.zoo.artifact import load_core
 
 if TYPE_CHECKING:
@@ -34,6 +40,9 @@ EPISODES, STEPS = 200, 20_000
 
 TRAINED = TrainConfig(ROBOT, episodes=EPISODES, steps=STEPS, eval_every=4000, eval_episodes=5)
 """As in the study `ladder`."""
+
+POLES = TrainConfig(TWO_POLES, algo="dyna-ddpg", episodes=60, steps=3000, eval_every=500, eval_episodes=5)
+"""As in the study `dyna_v6`, but for a thousand steps."""
 
 TWIN_EPISODES = 2
 """Evaluation episodes per member on the twin; 1000 steps each."""
@@ -63,27 +72,46 @@ class Outcome:
     """Doing nothing there."""
     refused: str
     """Why the first core is not trained on two poles."""
+    poles: Result
+    """DYNA-DDPG from scratch there."""
     picture: str
-    """Learning curves, a PNG."""
+    """Learning curves on the robot with two legs, a PNG."""
+    poles_picture: str
+    """And on two poles."""
 
 
 def quickstart(out: Path, progress: Callable[[str, Budget], AbstractContextManager[Report]], *, seed: int = 0) -> Outcome:
     """Play a core on its twin, train another beside scratch, put the first on probation; repeated calls continue."""
     check_folder(out, "out")
     core = load_core(CORE)
-    twin = zero_shot(core, TWIN, episodes=TWIN_EPISODES, seed=seed)
 
     def train(name: str, config: TrainConfig) -> Result:
         with progress(f"{name} on {config.env}", Budget(config.episodes, config.steps)) as report:
             return run_training(replace(config, seed=seed), out=out / name, resume=True, report=report)
 
-    runs = tuple(train(core_id or "scratch", replace(TRAINED, core=core_id)) for core_id in (FITTING, None))
-    nothing = _summary("zero action", [evaluate(ZeroPolicy(derive_spec(ROBOT).act_dim), ROBOT, seed=0)])
-    refused = _probation(core, seed)
-    picture = out / "learning_curves.png"
+    with worker_pool(1, 1) as pool:
+        beside = pool.submit(run_training, replace(POLES, seed=seed), out=out / "two-poles", resume=True)
+        twin = zero_shot(core, TWIN, episodes=TWIN_EPISODES, seed=seed)
+        runs = tuple(train(core_id or "scratch", replace(TRAINED, core=core_id)) for core_id in (FITTING, None))
+        nothing = _summary("zero action", [evaluate(ZeroPolicy(derive_spec(ROBOT).act_dim), ROBOT, seed=0)])
+        refused = _probation(core, seed)
+        with progress(f"scratch on {TWO_POLES}", Budget(POLES.episodes, POLES.steps)) as report:
+            poles = _awaited(beside, out / "two-poles", report)
+    pictures = out / "learning_curves.png", out / "two_poles.png"
     curves = {run.core or "scratch": Path(run.run_dir) for run in runs}
-    draw_learning_curves(curves, f"{ROBOT}, one seed", picture, zero_action=nothing.mean)
-    return Outcome(twin, runs, nothing, refused, str(picture))
+    draw_learning_curves(curves, f"{ROBOT}, one seed", pictures[0], zero_action=nothing.mean)
+    draw_run(Path(poles.run_dir), pictures[1])
+    return Outcome(twin, runs, nothing, refused, poles, *map(str, pictures))
+
+
+def _awaited(run: Future[Result], folder: Path, report: Report) -> Result:
+    """Wait for a run beside this one, and report what it has spent."""
+    while not run.done():
+        wait([run], timeout=1.0)
+        table = read_table(folder, EpisodeRow) if EpisodeRow.file(folder).exists() else {"episode": []}
+        if len(table["episode"]):
+            report(Spent(int(table["episode"][-1]), int(table["steps"][-1]), float(table["seconds"][-1])), {})
+    return run.result()
 
 
 def _probation(core: Core, seed: int) -> str:

@@ -50,6 +50,9 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
                 for _ in range(workers):
                     pool.submit(int)  # starts a process
             yield pool
+        except InterruptedRunError:  # of a run in this process
+            _stop(multiprocessing.active_children())
+            raise
         except KeyboardInterrupt:
             _stop(multiprocessing.active_children())
             raise InterruptedRunError("stopped; what the workers had is saved", remedy="the same command goes on") from None

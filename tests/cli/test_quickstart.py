@@ -19,4 +19,7 @@ def test_a_core_balances_its_twin_untrained_another_gets_a_robot_going_and_one_i
     assert max(run["steps"] for run in found["runs"]) == 20_000
     assert 0 < found["zero_action"]["mean"] < 200  # the walker falls
     assert found["refused"].startswith("refused: not clearly better than doing nothing")
-    assert plt.imread(found["picture"]).std() > 0.01
+    poles = found["poles"]
+    assert (poles["core"], poles["env"], poles["algo"]) == (None, "InvertedDoublePendulum-v5", "dyna-ddpg")
+    assert poles["eval_return_mean"] > 9000
+    assert min(plt.imread(found[name]).std() for name in ("picture", "poles_picture")) > 0.01

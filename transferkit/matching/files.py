@@ -29,6 +29,7 @@ HEAD = """\
 # joints: what each joint of the core's robot reads of the target's, with signs. actions: what drives each actuator.
 # Joints and actuators may also be called what their models call them.
 # shift: added to what a joint reads. inputs: core inputs read from elements of the observation, whatever the joints say.
+# forces: how the factors of the actions were found. To change them, change the factors, or match again with another --forces.
 """
 
 
