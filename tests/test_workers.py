@@ -8,7 +8,7 @@ import time
 import pytest
 
 from transferkit.errors import SettingError
-from transferkit.workers import _held_interrupts, worker_pool
+from transferkit.workers import GRACE, _held_interrupts, worker_pool
 
 PARENT = """
 import os, sys, time
@@ -23,6 +23,28 @@ if __name__ == "__main__":
         print(has_it(), pool.submit(has_it).result(), flush=True)
         print(pool.submit(os.getpid).result(), flush=True)
         pool.submit(time.sleep, 600).result()
+"""
+
+SAVING = """
+import signal, sys, time
+from pathlib import Path
+from transferkit.workers import worker_pool
+
+asked = []
+
+def save():
+    signal.signal(signal.SIGTERM, lambda *_: asked.append(True))
+    Path("busy").touch()
+    while not asked:
+        time.sleep(0.05)
+    Path("saved").touch()
+
+if __name__ == "__main__":
+    with worker_pool(1, 1) as pool:
+        run = pool.submit(save)
+        while not Path("busy").exists():
+            time.sleep(0.05)
+        signal.raise_signal(signal.SIGINT)
 """
 
 
@@ -47,6 +69,15 @@ def test_workers_have_what_was_imported_beside_and_end_when_their_parent_is_kill
     while alive(worker) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert not alive(worker)
+
+
+def test_a_worker_ends_as_soon_as_its_run_is_saved(tmp_path):
+    (tmp_path / "parent.py").write_text(SAVING)
+    started = time.monotonic()
+    ended = subprocess.run([sys.executable, "parent.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert "stopped; what was learnt is saved" in ended.stderr
+    assert (tmp_path / "saved").exists()
+    assert time.monotonic() - started < GRACE
 
 
 def test_a_ctrl_c_waits_also_where_another_thread_gets_it():

@@ -40,7 +40,7 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
 
     Raises:
         SettingError: there is no worker.
-        InterruptedRunError: Ctrl-C; the workers have saved and stopped.
+        InterruptedRunError: Ctrl-C; the workers, and a run in this process, have saved and stopped.
     """
     check_value("workers", workers, Annotated[int, AT_LEAST_ONE])
     workers = min(workers, max(1, jobs))
@@ -50,12 +50,10 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
                 for _ in range(workers):
                     pool.submit(int)  # starts a process
             yield pool
-        except InterruptedRunError:  # of a run in this process
+        except (KeyboardInterrupt, InterruptedRunError):  # the latter if a run in this process saved itself
+            pool.shutdown(wait=False, cancel_futures=True)  # a worker ends with its run
             _stop(multiprocessing.active_children())
-            raise
-        except KeyboardInterrupt:
-            _stop(multiprocessing.active_children())
-            raise InterruptedRunError("stopped; what the workers had is saved", remedy="the same command goes on") from None
+            raise InterruptedRunError("stopped; what was learnt is saved", remedy="the same command goes on") from None
 
 
 @contextmanager
