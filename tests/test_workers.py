@@ -40,6 +40,7 @@ def save():
     Path("saved").touch()
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     with worker_pool(1, 1) as pool:
         run = pool.submit(save)
         while not Path("busy").exists():
@@ -74,7 +75,8 @@ def test_workers_have_what_was_imported_beside_and_end_when_their_parent_is_kill
 def test_a_worker_ends_as_soon_as_its_run_is_saved(tmp_path):
     (tmp_path / "parent.py").write_text(SAVING)
     started = time.monotonic()
-    ended = subprocess.run([sys.executable, "parent.py"], cwd=tmp_path, capture_output=True, text=True, check=False)
+    command = [sys.executable, "parent.py"]
+    ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
     assert "stopped; what was learnt is saved" in ended.stderr
     assert (tmp_path / "saved").exists()
     assert time.monotonic() - started < GRACE
