@@ -127,8 +127,7 @@ class Session:
     @property
     def latest_return(self) -> float | None:
         """Mean return of the latest training episodes, noise and all; None before there are enough."""
-        latest = [*self._recent][-LATEST:]
-        return float(np.mean(latest)) if len(latest) == LATEST else None
+        return float(np.mean(self._latest)) if len(self._latest) == LATEST else None
 
     @property
     def kept_return(self) -> float | None:
@@ -143,7 +142,7 @@ class Session:
     @property
     def surpasses(self) -> bool:
         """Whether an episode that lasts is better already than each of the latest; true before there are enough of these."""
-        return self.peak is None or max(self._return) > max([*self._recent][-LATEST:])
+        return self.peak is None or max(self._return) > max(self._latest)
 
     @property
     def is_behind(self) -> bool:
@@ -261,6 +260,10 @@ class Session:
         with stop_signals() as self._stop, closing(ScalarLog(self.directory.path, self.spent.steps)) as self._log:
             self._started = self._saved = time.monotonic()
             yield
+
+    @property
+    def _latest(self) -> list[float]:
+        return [*self._recent][-LATEST:]
 
     @property
     def _good_enough(self) -> bool:

@@ -75,17 +75,21 @@ def with_peak(core, folder, *, keeps):
     )
 
 
-@pytest.mark.parametrize("core", [False, True])
-def test_a_run_ends_with_the_policy_of_its_best_stretch_and_learns_as_if_it_did_not(
-    core, full_core_folder, tmp_path, monkeypatch
-):
-    peaks, remember = [], Kept.remember
+@pytest.fixture
+def peaks(monkeypatch):
+    """What the policy of each peak did."""
+    found, remember = [], Kept.remember
 
     def spied(kept):
         remember(kept)
-        peaks.append(kept._modules["policy"].act(ONES))
+        found.append(kept._modules["policy"].act(ONES))
 
     monkeypatch.setattr(Kept, "remember", spied)
+    return found
+
+
+@pytest.mark.parametrize("core", [False, True])
+def test_a_run_ends_with_the_policy_of_its_best_stretch_and_learns_as_if_it_did_not(core, full_core_folder, tmp_path, peaks):
     returns, ends = [], []
     for keeps in (False, True):
         run_training(with_peak(core, full_core_folder, keeps=keeps), out=tmp_path / str(keeps))
@@ -107,14 +111,7 @@ def test_what_is_learnt_is_followed_to_the_end_until_episodes_say_that_it_was_be
     assert int(ends[1].normalizer.count) == 400
 
 
-def test_what_no_episode_has_tried_is_not_kept(full_core_folder, tmp_path, monkeypatch):
-    peaks, remember = [], Kept.remember
-
-    def spied(kept):
-        remember(kept)
-        peaks.append(kept._modules["policy"].act(ONES))
-
-    monkeypatch.setattr(Kept, "remember", spied)
+def test_what_no_episode_has_tried_is_not_kept(full_core_folder, tmp_path, monkeypatch, peaks):
     monkeypatch.setattr(Session, "is_at_peak", True)
     same = []
     for tried in (False, True):
