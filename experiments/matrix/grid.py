@@ -68,6 +68,8 @@ class Grid:
     seconds: float | None = None
     eval_every: int = 0
     eval_episodes: int = 20
+    device: str = "cpu"
+    """Torch device of every run's networks, on the machine where it runs."""
 
     def __post_init__(self) -> None:
         check_names("arm", self.arms, (*ARMS, *WITHOUT_CORE, *UNTRAINED), "arms")
@@ -140,6 +142,7 @@ class Grid:
                 **bounds,
                 eval_every=self.eval_every,
                 eval_episodes=self.eval_episodes,
+                device=self.device,
             )
             config = with_settings(config, settings)
             check_read(replace(config, core=next(iter(self.cores), None)), settings)

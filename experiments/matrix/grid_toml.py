@@ -115,6 +115,8 @@ def _check_types(data: Mapping[str, Any]) -> None:
             raise GridError(name, value=value, allowed="a whole number")
         if name == "seconds" and type(value) not in (int, float):
             raise GridError(name, value=value, allowed="a number")
+        if name == "device" and not isinstance(value, str):
+            raise GridError(name, value=value, allowed="a name")
         if name in NAMES and not _is_list(value, str):
             raise GridError(name, value=value, allowed="a list of names")
         if name == "trainer" and not _is_list(value, dict):

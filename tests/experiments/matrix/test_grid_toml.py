@@ -57,6 +57,7 @@ WRONG = {
     "a number as trainer": (LAST, "trainer = [1]", "trainer=.* must be a list of tables"),
     "a number as set": trainer("set = 3", "trainer: set=3 must be a table"),
     "a text as seconds": ("steps = 150", 'seconds = "a"', "seconds='a' must be a number"),
+    "a number as device": ("steps = 150", "steps = 150\ndevice = 1", "device=1 must be a name"),
     "a fraction as steps": ("steps = 150", "steps = 1.5", "steps=1.5 must be a whole number"),
     "negative eval_every": (LAST, "eval_every = -1", "eval_every=-1 must be at least 0"),
     "no evaluation": (LAST, "eval_episodes = 0", "eval_episodes=0 must be at least 1"),
