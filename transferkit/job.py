@@ -279,7 +279,10 @@ class Job:
     @property
     def _to_beat(self) -> float | None:
         found = self.probation
-        return float(np.mean(found.core)) if found and found.accepted and found.core else None
+        if not (found and found.accepted and found.core):
+            return None
+        core = float(np.mean(found.core))
+        return core - self.config.wrap.leeway * (core - float(np.mean(found.zero))) if found.zero else core
 
     def _budget(self) -> Budget:
         return Budget(self.config.episodes, self.config.steps, self.config.seconds)
