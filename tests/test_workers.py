@@ -43,6 +43,7 @@ if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
     with worker_pool(1, 1) as pool:
         run = pool.submit(save)
+        pool.submit(time.sleep, 600)  # at hand already: it does not begin
         while not Path("busy").exists():
             time.sleep(0.05)
         signal.raise_signal(signal.SIGINT)
@@ -78,6 +79,7 @@ def test_a_worker_ends_as_soon_as_its_run_is_saved(tmp_path):
     command = [sys.executable, "parent.py"]
     ended = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=60)
     assert "stopped; what was learnt is saved" in ended.stderr
+    assert "resource_tracker" not in ended.stderr
     assert (tmp_path / "saved").exists()
     assert time.monotonic() - started < GRACE
 

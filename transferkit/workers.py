@@ -7,21 +7,28 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
 from multiprocessing.process import BaseProcess
-from typing import Annotated
+from multiprocessing.synchronize import Event
+from typing import Annotated, ParamSpec, TypeVar
 
 from transferkit.config.checks import AT_LEAST_ONE, check_value
 from transferkit.errors import InterruptedRunError
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 GRACE = 15.0
 """Seconds that a worker has to save its run once its parent is gone."""
 
 
 _CONTEXT = multiprocessing.get_context("forkserver")
+
+_stopping: Event
+"""In a worker: set once its parent stops; the pool hands out a job more than there are workers, which may come after that."""
 
 
 def import_beside(*modules: str) -> None:
@@ -44,16 +51,29 @@ def worker_pool(workers: int, jobs: int) -> Iterator[ProcessPoolExecutor]:
     """
     check_value("workers", workers, Annotated[int, AT_LEAST_ONE])
     workers = min(workers, max(1, jobs))
-    with ProcessPoolExecutor(workers, _CONTEXT, initializer=_stop_with_parent) as pool:
+    stopping = _CONTEXT.Event()
+    with _Pool(workers, _CONTEXT, initializer=_stop_with_parent, initargs=(stopping,)) as pool:
         try:
             with _held_interrupts():
                 for _ in range(workers):
                     pool.submit(int)  # starts a process
             yield pool
         except (KeyboardInterrupt, InterruptedRunError):  # the latter if a run in this process saved itself
+            stopping.set()
             pool.shutdown(wait=False, cancel_futures=True)  # a worker ends with its run
             _stop(multiprocessing.active_children())
             raise InterruptedRunError("stopped; what was learnt is saved", remedy="the same command goes on") from None
+
+
+class _Pool(ProcessPoolExecutor):
+    def submit(self, fn: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> Future[R]:
+        return super().submit(_unless_stopping, fn, *args, **kwargs)
+
+
+def _unless_stopping(job: Callable[P, R], /, *args: P.args, **kwargs: P.kwargs) -> R:
+    if _stopping.is_set():
+        raise InterruptedRunError("stopped before it began")
+    return job(*args, **kwargs)
 
 
 @contextmanager
@@ -84,7 +104,9 @@ def _stop(children: Sequence[BaseProcess]) -> None:
         child.kill()
 
 
-def _stop_with_parent() -> None:
+def _stop_with_parent(stopping: Event) -> None:
+    global _stopping  # noqa: PLW0603 - of the process
+    _stopping = stopping
     os.setsid()  # a Ctrl-C is for the parent
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     parent = multiprocessing.parent_process()
