@@ -79,6 +79,9 @@ class DynaConfig:
     what it could do."""
     anchor_holds: bool = False
     """Keep the whole anchor for as long as the latest training episodes are worse than the core's on probation."""
+    anchor_halves: Annotated[float, SHARE] = 0.0
+    """Share of the budget in which the anchor halves while the latest training episodes are no worse than the core's, and
+    doubles, up to the whole, while they are: the hold follows the evidence. 0 lets it fall over the budget."""
     curious_until: Annotated[int, NOT_NEGATIVE] = 100
     """Until so many rewards differ from their median, and no episode has terminated, the model's disagreement is the reward: a
     run that meets no reward has nothing else to learn from (Sekar et al. 2020). 0 for never."""

@@ -90,6 +90,7 @@ class Agent:
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded, self._held, self.steps, self.updates, self._age = False, None, 0, 0, 0
         self.losses: dict[str, Tensor] = {}
+        self._progress, self._hold = 0.0, 1.0
         self.set_progress(0.0, 0.0)
 
     @torch.no_grad()
@@ -201,7 +202,13 @@ class Agent:
 
         One that is `behind` its core may not let it go.
         """
-        self._progress, self._behind, config = progress, behind, self.config
+        config = self.config
+        if config.anchor_halves:
+            halvings = (progress - self._progress) / config.anchor_halves
+            self._hold = min(1.0, self._hold * 2.0 ** (halvings if behind else -halvings))
+        else:
+            self._hold = 1.0 if behind and config.anchor_holds else 1.0 - progress
+        self._progress = progress
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -228,6 +235,8 @@ class Agent:
             "age": self._age,
             "held": [] if self._held is None else [self._held.state()],
             "warming_up": self._warming_up,
+            "hold": self._hold,
+            "progress": self._progress,
             "rewarded": self._rewarded,
             "losses": self.losses,
             "returns": self.returns.state(),
@@ -247,6 +256,7 @@ class Agent:
         held = [Held.restored(one, (self.buffer.obs_dim, self.buffer.act_dim)) for one in state.get("held", [])]
         self._held = held[0] if held else None
         self._warming_up = state["warming_up"]
+        self._hold, self._progress = float(state.get("hold", 1.0)), float(state.get("progress", 0.0))
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
         if "returns" in state:
             self.returns.restore(state["returns"])
@@ -291,8 +301,7 @@ class Agent:
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
-        kept = 1.0 if self._behind and self.config.anchor_holds else 1.0 - self._progress
-        anchor = torch.tensor(self.config.anchor * kept, device=self.device)
+        anchor = torch.tensor(self.config.anchor * self._hold, device=self.device)
         for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
             part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
             loss, actors_loss = self.programs.update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
