@@ -150,6 +150,11 @@ class Session:
         return self._is_below(self.latest_return)
 
     @property
+    def seems_behind(self) -> bool:
+        """The same by as many of these episodes as there are yet."""
+        return self._is_below(float(np.mean(self._latest)) if self._latest else None)
+
+    @property
     def plays_core(self) -> bool:
         """Whether the untrained core stands in for what is learnt."""
         return self._falls_back and self._is_below(self.kept_return)

@@ -74,7 +74,8 @@ class DynaTrainer:
         """Take one step of the one environment and learn from it; metrics every `LOG_EVERY` steps."""
         agent = self.agent
         if self._taken_up or session.trained.steps % LOG_EVERY == 0:
-            agent.set_progress(session.progress, session.step_progress, behind=session.is_behind)
+            behind = session.seems_behind if agent.config.anchor_halves else session.is_behind
+            agent.set_progress(session.progress, session.step_progress, behind=behind)
             self._taken_up = False
         step = envs.step(action := agent.explore(observation), session.count)
         agent.observe(observation, action, step)
