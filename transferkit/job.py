@@ -58,6 +58,9 @@ if TYPE_CHECKING:
 
 LOGGER = logging.getLogger("transferkit")
 
+LEEWAY = 0.1
+"""Share of the way from doing nothing to the core by which episodes of training may be worse: they have noise, it had none."""
+
 Ledger = Sequence[Mapping[str, Any]]
 """Name, steps and hash of each recording that training starts with."""
 
@@ -204,7 +207,8 @@ class Job:
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
         keeps_peak = config.algo == "dyna-ddpg" and config.dyna.keep_peak
         falls_back = self.untrained is not None
-        accounts = {"charged": charged, "to_beat": self._to_beat, "falls_back": falls_back, "keeps_peak": keeps_peak}
+        beaten = {"to_beat": self._to_beat, "leeway": self._leeway, "falls_back": falls_back}
+        accounts = {"charged": charged, **beaten, "keeps_peak": keeps_peak}
         return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
 
     def with_untrained(self, directory: RunDirectory, *, begun: bool) -> Job:
@@ -279,10 +283,13 @@ class Job:
     @property
     def _to_beat(self) -> float | None:
         found = self.probation
-        if not (found and found.accepted and found.core):
-            return None
-        core = float(np.mean(found.core))
-        return core - self.config.wrap.leeway * (core - float(np.mean(found.zero))) if found.zero else core
+        return float(np.mean(found.core)) if found and found.accepted and found.core else None
+
+    @property
+    def _leeway(self) -> float:
+        """What noise may cost of the return to beat."""
+        found = self.probation
+        return LEEWAY * float(np.mean(found.core) - np.mean(found.zero)) if found and found.core and found.zero else 0.0
 
     def _budget(self) -> Budget:
         return Budget(self.config.episodes, self.config.steps, self.config.seconds)

@@ -43,7 +43,7 @@ def check_asked(names: Iterable[str], config: WrapConfig) -> None:
         ConfigError: one is among them, and asks for something.
     """
     for name in names:
-        if name in ("least_gain", "fall_back", "leeway") and getattr(config, name) and not config.probation:
+        if name in ("least_gain", "fall_back") and getattr(config, name) and not config.probation:
             raise ConfigError(
                 f"{{wrap.{name}}} has no effect without probation", remedy="give {wrap.probation}, or leave it out"
             )
@@ -99,9 +99,6 @@ class WrapConfig:
     fall_back: bool = False
     """Evaluate and save the core as it was wrapped, while the run's latest training episodes are worse than the core's own
     on probation."""
-    leeway: Annotated[float, SHARE] = 0.0
-    """How far behind the core's own, as a share of the way from zero action's, training episodes may be before they count as
-    worse: they have noise, and the core had none."""
     critic: bool = False
     """Wrap the core's critics too, if it has as many as the trainer wants and drives one limb; by default they are new, because
     with wrapped ones a larger robot was learnt more slowly (study `residual`)."""

@@ -96,17 +96,19 @@ class Session:
         report: Report | None = None,
         charged: Spent | None = None,
         to_beat: float | None = None,
+        leeway: float = 0.0,
         falls_back: bool = False,
         keeps_peak: bool = False,
     ) -> None:
         """Start with what was `charged` before training; it counts as spent, and the trainer knows nothing of it.
 
-        `to_beat` is the mean return below which the learner is behind; one that `falls_back` is then stood in for. One that
-        `keeps_peak` is known by its best stretch of training, not by the latest.
+        `to_beat` is the mean return below which the learner is behind, and seems so if it is further below than its `leeway`;
+        one that `falls_back` is then stood in for. One that `keeps_peak` is known by its best stretch of training, not by
+        the latest.
         """
         self.directory, self.budget, self.spent = directory, budget, Spent() if charged is None else charged
         self._charged, self._left = replace(self.spent), budget.without(self.spent)
-        self._to_beat, self._falls_back, self.keeps_peak = to_beat, falls_back, keeps_peak
+        self._to_beat, self._leeway, self._falls_back, self.keeps_peak = to_beat, leeway, falls_back, keeps_peak
         self.peak: float | None = None
         self._evaluate, self._keep_best, self.schedule, self._report = evaluate, keep_best, schedule or Schedule(), report
         self._return, self._length = [0.0] * num_envs, [0] * num_envs
@@ -150,9 +152,11 @@ class Session:
         return self._is_below(self.latest_return)
 
     @property
-    def seems_behind(self) -> bool:
-        """The same by as many of these episodes as there are yet."""
-        return self._is_below(float(np.mean(self._latest)) if self._latest else None)
+    def seems_behind(self) -> bool | None:
+        """Whether as many of these as there are yet are further below it than noise explains; None if there is none to beat."""
+        if self._to_beat is None:
+            return None
+        return not self._latest or float(np.mean(self._latest)) < self._to_beat - self._leeway
 
     @property
     def plays_core(self) -> bool:

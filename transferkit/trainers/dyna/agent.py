@@ -39,6 +39,9 @@ LARGEST_PROGRAM = 4
 NOISE_CLIP = 2.5
 """Bound of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
 
+MOST_HALVINGS = 6.0
+"""Of the anchor: what is let go of for long can still be held again."""
+
 M = TypeVar("M", bound=nn.Module)
 
 
@@ -90,7 +93,7 @@ class Agent:
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded, self._held, self.steps, self.updates, self._age = False, None, 0, 0, 0
         self.losses: dict[str, Tensor] = {}
-        self._progress, self._hold = 0.0, 1.0
+        self._progress, self._halvings = 0.0, 0.0
         self.set_progress(0.0, 0.0)
 
     @torch.no_grad()
@@ -197,15 +200,16 @@ class Agent:
                 largest = max(largest, float(torch.linalg.vector_norm(seen.next_observation, dim=-1).max()))
         return self.reward_scale * largest / max(1 - self.discount, np.finfo(float).eps)
 
-    def set_progress(self, progress: float, step_progress: float, *, behind: bool = False) -> None:
+    def set_progress(self, progress: float, step_progress: float, *, behind: bool | None = None) -> None:
         """Freeze, unfreeze, let go and calm down for a run that has used these shares of its budget and of its steps.
 
-        One that is `behind` its core may not let it go.
+        One that is `behind` its core may not let it go; None if that is not known.
         """
         config = self.config
-        if config.anchor_halves:
+        if config.anchor_halves and behind is not None:
             halvings = (progress - self._progress) / config.anchor_halves
-            self._hold = min(1.0, self._hold * 2.0 ** (halvings if behind else -halvings))
+            self._halvings = min(max(0.0, self._halvings + (-halvings if behind else halvings)), MOST_HALVINGS)
+            self._hold = 2.0**-self._halvings
         else:
             self._hold = 1.0 if behind and config.anchor_holds else 1.0 - progress
         self._progress = progress
@@ -235,8 +239,8 @@ class Agent:
             "age": self._age,
             "held": [] if self._held is None else [self._held.state()],
             "warming_up": self._warming_up,
-            "hold": self._hold,
             "progress": self._progress,
+            "halvings": self._halvings,
             "rewarded": self._rewarded,
             "losses": self.losses,
             "returns": self.returns.state(),
@@ -256,7 +260,7 @@ class Agent:
         held = [Held.restored(one, (self.buffer.obs_dim, self.buffer.act_dim)) for one in state.get("held", [])]
         self._held = held[0] if held else None
         self._warming_up = state["warming_up"]
-        self._hold, self._progress = float(state.get("hold", 1.0)), float(state.get("progress", 0.0))
+        self._progress, self._halvings = float(state.get("progress", 0.0)), float(state.get("halvings", 0.0))
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
         if "returns" in state:
             self.returns.restore(state["returns"])
