@@ -144,6 +144,22 @@ def test_the_learner_is_behind_until_its_latest_episodes_reach_the_return_to_bea
     assert not make("three", None).is_behind
 
 
+def test_a_learner_with_noise_may_be_a_little_worse_and_does_not_wait_for_five_episodes(tmp_path):
+    def make(name, to_beat):
+        directory = RunDirectory.create(tmp_path / name, {})
+        return Session(directory, Budget(steps=99), 1, evaluate=lambda _: None, to_beat=to_beat, leeway=0.5)
+
+    made, seems = make("one", 3.0), []
+    with made.running():
+        for reward in (2.4, 2.6, 4.0, 0.0, 0.0, 5.9, 3.0):  # means 2.4, 2.5, 3, 2.25, 1.8, 2.5, 2.58
+            made.count(0, reward, terminated=True, truncated=False)
+            seems.append((made.seems_behind, made.is_behind))
+    assert [seem for seem, _ in seems] == [True, False, False, True, True, False, False]
+    assert all(behind for _, behind in seems)
+    assert make("two", 3.0).seems_behind is True
+    assert make("three", None).seems_behind is None
+
+
 def test_a_learner_that_keeps_its_peak_is_known_by_it(tmp_path):
     def make(name, **options):
         directory = RunDirectory.create(tmp_path / name, {})

@@ -65,6 +65,9 @@ MIRRORED = replace(AT_ITS_PEAK, mirror=True, average_share=0.1)
 TRIED = replace(MIRRORED, keep_tried=True)
 """And an episode has tried what is kept."""
 
+LET_GO = replace(TRIED, anchor_halves=0.025)
+"""And it is let go once it is as good as the core."""
+
 IMAGINED_PPO = PPOConfig(rollout="steps", schedule="linear", critic_learning_rate=None)
 
 MECHANISM = WrapConfig(limbs="all", forces="auto", hold=0)
@@ -126,6 +129,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v4": Preset(network=DDPG_NETWORK, dyna=AT_ITS_PEAK, wrap=WORTH_IT),
         "default-v5": Preset(network=DDPG_NETWORK, dyna=MIRRORED, wrap=WORTH_IT),
         "default-v6": Preset(network=DDPG_NETWORK, dyna=TRIED, wrap=WORTH_IT),
+        "default-v7": Preset(network=DDPG_NETWORK, dyna=LET_GO, wrap=WORTH_IT),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(
@@ -182,7 +186,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
     },
 }
 """`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
-of the others until 2026-11-28, `default-v6` of PPO, `default-v3` of the others, `default-v4` and `default-v5` of DYNA-DDPG
+of the others until 2026-11-28, `default-v6` of PPO, `default-v3` of the others, `default-v4` to `default-v6` of DYNA-DDPG
 until 2026-11-29; `paper-v1` follows the paper's code (docs: departures)."""
 
 

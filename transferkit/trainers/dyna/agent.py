@@ -39,7 +39,7 @@ LARGEST_PROGRAM = 4
 NOISE_CLIP = 2.5
 """Bound of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
 
-MOST_HALVINGS = 6.0
+MOST_HALVINGS = 10.0
 """Of the anchor: what is let go of for long can still be held again."""
 
 M = TypeVar("M", bound=nn.Module)
@@ -209,10 +209,10 @@ class Agent:
         if config.anchor_halves and behind is not None:
             halvings = (progress - self._progress) / config.anchor_halves
             self._halvings = min(max(0.0, self._halvings + (-halvings if behind else halvings)), MOST_HALVINGS)
-            self._hold = 2.0**-self._halvings
+            kept = 2.0**-self._halvings
         else:
-            self._hold = 1.0 if behind and config.anchor_holds else 1.0 - progress
-        self._progress = progress
+            kept = 1.0 if behind and config.anchor_holds else 1.0 - progress
+        self.anchor, self._progress = config.anchor * kept, progress
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -305,7 +305,7 @@ class Agent:
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
-        anchor = torch.tensor(self.config.anchor * self._hold, device=self.device)
+        anchor = torch.tensor(self.anchor, device=self.device)
         for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
             part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
             loss, actors_loss = self.programs.update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
