@@ -1,6 +1,7 @@
 """What is trusted, what is refused, and what that costs."""
 
 from dataclasses import replace
+from unittest.mock import MagicMock
 
 import gymnasium
 import numpy as np
@@ -16,7 +17,7 @@ from transferkit.evaluation import ZeroPolicy
 from transferkit.policy.base import ConstantPolicy
 from transferkit.policy.saved import load_components
 from transferkit.probation import hold_probation
-from transferkit.run import EpisodeRow, EvaluationRow, load_state, read_made_of, read_record, read_table
+from transferkit.run import EpisodeRow, EvaluationRow, Session, load_state, read_made_of, read_record, read_table
 
 IDP, CORE = "InvertedDoublePendulum-v5", "inverted-pendulum-v2"
 SMALL = {
@@ -177,6 +178,14 @@ def test_a_core_stands_in_for_what_is_learnt_while_that_is_behind(tmp_path, algo
     with pytest.raises(AssertionError):
         assert_same_tensors(learnt.state_dict(), untrained.state_dict())
     np.testing.assert_array_equal(*(rows_without_times(tmp_path / name, EpisodeRow) for name in ("run", "without")))
+
+
+def test_episodes_with_noise_may_be_a_tenth_of_the_cores_gain_worse_before_it_is_held_again(tmp_path, monkeypatch):
+    monkeypatch.setattr("transferkit.job.Session", given := MagicMock(side_effect=Session))
+    found = run_training(config("dyna-ddpg", member=0, seed=100), out=tmp_path / "run").probation
+    told = given.call_args.kwargs
+    core, zero = np.mean(found.core), np.mean(found.zero)
+    assert (told["to_beat"], told["leeway"]) == pytest.approx((core, (core - zero) / 10))
 
 
 def test_the_core_that_stands_in_is_the_one_that_was_wrapped_also_if_it_was_trained_since(tmp_path, monkeypatch):
