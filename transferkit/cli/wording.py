@@ -9,7 +9,7 @@ from transferkit.errors import TransferkitError, printable
 MORE = {
     "commands": "`transferkit --help` lists the commands",
     "cores": "`transferkit zoo list` lists the cores",
-    "environments": "`transferkit envs list` lists the environments",
+    "environments": "`transferkit envs list` lists the environments; one that a module registers is MODULE:ID",
     "flags": "`--help` explains the flags",
     "installation": "`transferkit doctor` checks the installation",
     "mappings": "docs/recordings.md has an example",
