@@ -175,6 +175,8 @@ def test_an_anchor_halves_while_the_policy_keeps_up_and_is_taken_up_again(full_c
     for one in (made, again):
         one.set_progress(1.0, 0.0, behind=False)
         assert one.anchor == pytest.approx(0.4)
+    again.set_progress(0.5, 0.0, behind=True)  # of a budget that has grown
+    assert again.anchor == pytest.approx(0.4)
     made.set_progress(9.0, 0.0, behind=False)
     assert made.anchor == pytest.approx(0.8 / 1024)  # no more than ten times
     again.set_progress(0.75, 0.0)  # nothing is known of it

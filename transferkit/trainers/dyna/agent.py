@@ -206,13 +206,7 @@ class Agent:
         One that is `behind` its core may not let it go; None if that is not known.
         """
         config = self.config
-        if config.anchor_halves and behind is not None:
-            halvings = (progress - self._progress) / config.anchor_halves
-            self._halvings = min(max(0.0, self._halvings + (-halvings if behind else halvings)), MOST_HALVINGS)
-            kept = 2.0**-self._halvings
-        else:
-            kept = 1.0 if behind and config.anchor_holds else 1.0 - progress
-        self.anchor, self._progress = config.anchor * kept, progress
+        self.anchor, self._progress = config.anchor * self._anchor_share(progress, behind=behind), progress
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -265,6 +259,15 @@ class Agent:
         if "returns" in state:
             self.returns.restore(state["returns"])
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
+
+    def _anchor_share(self, progress: float, *, behind: bool | None) -> float:
+        """How much of the anchor holds: by the evidence if there is any, else less and less over the budget."""
+        config = self.config
+        if not config.anchor_halves or behind is None:
+            return 1.0 if behind and config.anchor_holds else 1.0 - progress
+        halvings = max(0.0, progress - self._progress) / config.anchor_halves  # a budget that grew is no evidence
+        self._halvings = min(max(0.0, self._halvings + (-halvings if behind else halvings)), MOST_HALVINGS)
+        return 2.0**-self._halvings
 
     def _fit(self) -> None:
         loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self.programs.update_model)
