@@ -218,8 +218,9 @@ class Agent:
                 group["lr"] = rate * factor
 
     def metrics(self) -> dict[str, float]:
-        """Return the latest losses."""
-        return {name: float(loss) for name, loss in self.losses.items()}
+        """Return the latest losses, and how firmly a policy with a core is held to it."""
+        held = {} if self.first_policy is None else {"anchor": self.anchor}
+        return {name: float(loss) for name, loss in self.losses.items()} | held
 
     def state(self) -> dict[str, Any]:
         """Return everything that the next step depends on."""
