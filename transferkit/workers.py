@@ -28,7 +28,7 @@ GRACE = 15.0
 _CONTEXT = multiprocessing.get_context("forkserver")
 
 _stopping: Event
-"""In a worker: set once its parent stops; the pool hands out a job more than there are workers, which may come after that."""
+"""In a worker: set once its parent stops. A job more than there are workers is handed out by then, and must not begin."""
 
 
 def import_beside(*modules: str) -> None:
@@ -114,6 +114,7 @@ def _stop_with_parent(stopping: Event) -> None:
 
     def watch() -> None:
         parent.join()
+        stopping.set()
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(GRACE)
         os.kill(os.getpid(), signal.SIGKILL)

@@ -63,6 +63,7 @@ class Cell:
             budget_seconds=config.seconds,
             eval_every=config.eval_every,
             eval_episodes=config.eval_episodes,
+            device="" if config.device == "cpu" else config.device,
         )
 
     @classmethod
@@ -84,6 +85,7 @@ class Cell:
             seconds=row.budget_seconds,
             eval_every=row.eval_every,
             eval_episodes=row.eval_episodes,
+            device=row.device or "cpu",
         )
         return cls(row.arm, row.core, row.trainer, with_settings(config, json.loads(row.overrides)))
 

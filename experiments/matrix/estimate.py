@@ -29,7 +29,7 @@ TRIAL_SECONDS = 3.0
 """Training time of a trial, if no finished run tells how long one takes."""
 
 Kind = tuple[object, ...]
-"""What a run's time depends on: target, trainer, preset, whether there is a core, budget."""
+"""What a run's time depends on: target, trainer, preset, whether there is a core, budget, device."""
 
 Range = tuple[float, float]
 """Seconds, at least and at most."""
@@ -119,7 +119,7 @@ def _known(done: Sequence[Row]) -> dict[Kind, Range]:
 
 
 def _kind(row: Row) -> Kind:
-    return row.target, row.trainer, row.preset, row.core != "", row.budget
+    return row.target, row.trainer, row.preset, row.core != "", row.budget, row.device
 
 
 def _range(seconds: Iterable[float]) -> str:

@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
+import torch
+
 from experiments.matrix.arms import ARMS, UNTRAINED, WITHOUT_CORE, WITHOUT_MEMBER
 from experiments.matrix.cell import Cell
 from transferkit.budget import Budget
@@ -80,6 +82,10 @@ class Grid:
                 raise GridError(f"{key}: {twice[0]!r} stands there more than once", remedy=remedy)
         if not self.cores and {*self.arms} & {*ARMS}:
             raise GridError(f"cores: the arms {', '.join(arm for arm in self.arms if arm in ARMS)} need some")
+        try:
+            torch.device(self.device)
+        except RuntimeError:  # whether it is there is for the machine to say on which a run is trained
+            raise GridError("device", value=self.device, allowed="a device of torch, such as cpu or cuda") from None
         for target in self.targets:
             with at("targets"):
                 derive_spec(target)

@@ -71,6 +71,8 @@ class Row:
     """Share of its evaluations that the wrapped core played as it was before training."""
     refused: int | None = None
     """1 if probation refused its core, 0 if not."""
+    device: str = ""
+    """Torch device of its networks; empty for the CPU."""
 
     @property
     def budget(self) -> tuple[float | None, ...]:
@@ -84,7 +86,7 @@ class Row:
 
 
 COLUMNS = tuple(field.name for field in fields(Row))
-EARLIER = COLUMNS[: COLUMNS.index("area")]
+EARLIER = COLUMNS[: COLUMNS.index("area")], COLUMNS[: COLUMNS.index("device")]
 """Columns of the tables of earlier versions."""
 VERSIONS = ("transferkit", "mujoco", "gymnasium", "torch")
 CURVE_COLUMNS = ("id", "steps", "episodes", "seconds", "return_mean", "core")
@@ -100,7 +102,7 @@ def read_rows(path: Path) -> list[Row]:
     try:
         reader = csv.reader(io.StringIO(read_bytes(path, LARGEST).decode(), newline=""))
         columns = tuple(next(reader, ()))
-        if columns not in (COLUMNS, EARLIER):
+        if columns not in (COLUMNS, *EARLIER):
             raise RunDirectoryError(f"{path} does not have the columns of this version's tables; remove it")
         known = fields(Row)[: len(columns)]
         return [_parse(known, cells, path, reader.line_num) for cells in reader]
@@ -126,7 +128,7 @@ def ambiguity(rows: Iterable[Row]) -> str:
     """What one trainer's name stands for twice on one target, so that no table can tell it apart; empty if nothing does."""
     meanings: dict[tuple[str, str, str], set[object]] = defaultdict(set)
     for row in rows:
-        settings = row.algo, row.preset, row.overrides, row.eval_every, row.eval_episodes
+        settings = row.algo, row.preset, row.overrides, row.eval_every, row.eval_episodes, row.device
         for what, value in (("budgets", row.budget), ("settings", settings)):
             meanings[row.trainer or row.arm, row.target, what].add(value)
     twice = [(*names, len(found)) for names, found in meanings.items() if len(found) > 1]

@@ -74,14 +74,15 @@ class DynaConfig:
     """First steps, of standard normal noise alone; they last at least to the end of the first episode. 0 for none. A core acts
     from the first step on."""
     anchor: Annotated[float, NOT_NEGATIVE] = 0.1
-    """How much a policy with a core is held to what it did at first, beside its value (Fujimoto & Gu 2021 take 0.4); it falls
-    linearly to zero over the budget. The critics know nothing of the target at first, and a policy that follows them forgets
-    what it could do."""
+    """How much a policy with a core is held to what it did at first, beside its value (Fujimoto & Gu 2021 take 0.4): the
+    critics know nothing of the target at first, and a policy that follows them forgets what it could do. It falls linearly to
+    zero over the budget, unless one of the next two says otherwise."""
     anchor_holds: bool = False
     """Keep the whole anchor for as long as the latest training episodes are worse than the core's on probation."""
     anchor_halves: Annotated[float, SHARE] = 0.0
-    """Share of the budget in which the anchor halves while the latest training episodes are no worse than the core's, and
-    doubles, up to the whole, while they are: the hold follows the evidence. 0 lets it fall over the budget."""
+    """Share of the budget in which the anchor halves while the latest one to five training episodes are as good as the core's
+    on probation, less a tenth of its gain for their noise; it doubles again while they are worse. Replaces `anchor_holds`.
+    With 0, or without probation, that and the budget decide."""
     curious_until: Annotated[int, NOT_NEGATIVE] = 100
     """Until so many rewards differ from their median, and no episode has terminated, the model's disagreement is the reward: a
     run that meets no reward has nothing else to learn from (Sekar et al. 2020). 0 for never."""

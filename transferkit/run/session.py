@@ -153,7 +153,7 @@ class Session:
 
     @property
     def seems_behind(self) -> bool | None:
-        """Whether as many of these as there are yet are further below it than noise explains; None if there is none to beat."""
+        """Whether the latest one to five are below it by more than the leeway; before the first, too. None if there is none."""
         if self._to_beat is None:
             return None
         return not self._latest or float(np.mean(self._latest)) < self._to_beat - self._leeway

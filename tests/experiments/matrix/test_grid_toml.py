@@ -58,6 +58,7 @@ WRONG = {
     "a number as set": trainer("set = 3", "trainer: set=3 must be a table"),
     "a text as seconds": ("steps = 150", 'seconds = "a"', "seconds='a' must be a number"),
     "a number as device": ("steps = 150", "steps = 150\ndevice = 1", "device=1 must be a name"),
+    "device": ("steps = 150", 'steps = 150\ndevice = "banana"', "device='banana' must be a device of torch"),
     "a fraction as steps": ("steps = 150", "steps = 1.5", "steps=1.5 must be a whole number"),
     "negative eval_every": (LAST, "eval_every = -1", "eval_every=-1 must be at least 0"),
     "no evaluation": (LAST, "eval_episodes = 0", "eval_episodes=0 must be at least 1"),
@@ -130,8 +131,11 @@ def test_a_wrong_grid_is_refused_before_anything_runs(grid, old, new, message):
 
 def test_a_row_tells_its_cell(grid):
     cells = load_cells(grid(more='[[trainer]]\nname = "other"\nset = { "ppo.gamma" = 0.9, "wrap.residual" = 0 }'))
-    for cell in cells:
+    on_cuda = load_cells(grid("steps = 150", 'steps = 150\ndevice = "cuda"'))
+    for cell in (*cells, *on_cuda):
         assert Cell.from_row(cell.row).id == cell.id
+    assert {cell.row.device for cell in on_cuda} == {"cuda", ""}  # zero action's
+    assert not {cell.id for cell in cells if cell.arm == "scratch"} & {cell.id for cell in on_cuda}
     assert {cell.row.overrides for cell in cells if cell.trainer == "other"} == {'{"ppo.gamma": 0.9, "wrap.residual": 0}'}
 
 

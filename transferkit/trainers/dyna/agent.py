@@ -40,7 +40,7 @@ NOISE_CLIP = 2.5
 """Bound of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
 
 MOST_HALVINGS = 10.0
-"""Of the anchor: what is let go of for long can still be held again."""
+"""How often the anchor halves at most: more would take too long to undo."""
 
 M = TypeVar("M", bound=nn.Module)
 
@@ -206,7 +206,7 @@ class Agent:
         One that is `behind` its core may not let it go; None if that is not known.
         """
         config = self.config
-        self.anchor, self._progress = config.anchor * self._anchor_share(progress, behind=behind), progress
+        self.anchor = config.anchor * self._anchor_share(progress, behind=behind)
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -263,10 +263,11 @@ class Agent:
 
     def _anchor_share(self, progress: float, *, behind: bool | None) -> float:
         """How much of the anchor holds: by the evidence if there is any, else less and less over the budget."""
-        config = self.config
+        config, since = self.config, max(0.0, progress - self._progress)  # a budget that grew is no evidence
+        self._progress = progress
         if not config.anchor_halves or behind is None:
             return 1.0 if behind and config.anchor_holds else 1.0 - progress
-        halvings = max(0.0, progress - self._progress) / config.anchor_halves  # a budget that grew is no evidence
+        halvings = since / config.anchor_halves
         self._halvings = min(max(0.0, self._halvings + (-halvings if behind else halvings)), MOST_HALVINGS)
         return 2.0**-self._halvings
 
