@@ -206,9 +206,13 @@ class Job:
 
         callbacks: dict[str, Any] = {"evaluate": self.evaluate, "keep_best": keep_best, "report": report}
         keeps_peak = config.algo == "dyna-ddpg" and config.dyna.keep_peak
-        falls_back = self.untrained is not None
-        beaten = {"to_beat": self._to_beat, "leeway": self._leeway, "falls_back": falls_back}
-        accounts = {"charged": charged, **beaten, "keeps_peak": keeps_peak}
+        accounts = {
+            "charged": charged,
+            "to_beat": self._to_beat,
+            "leeway": self._leeway,
+            "falls_back": self.untrained is not None,
+            "keeps_peak": keeps_peak,
+        }
         return Session(directory, self._budget(), trainer.num_envs, **callbacks, schedule=schedule, **accounts)
 
     def with_untrained(self, directory: RunDirectory, *, begun: bool) -> Job:

@@ -105,7 +105,7 @@ def _stop(children: Sequence[BaseProcess]) -> None:
 
 
 def _stop_with_parent(stopping: Event) -> None:
-    global _stopping  # noqa: PLW0603 - of the process
+    global _stopping  # noqa: PLW0603 - an event reaches a worker as it starts, and no job can bring it
     _stopping = stopping
     os.setsid()  # a Ctrl-C is for the parent
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})

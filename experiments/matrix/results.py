@@ -104,8 +104,7 @@ def check_consistent(rows: Iterable[Row], path: Path) -> None:
         if bare == bool(row.core) or (row.member and row.arm in WITHOUT_MEMBER):
             what = f"core {row.core or 'none'}, member {row.member}"
             raise RunDirectoryError(f"{path} has a run of the arm {row.arm} with {what}", remedy="mend or remove it")
-        settings = row.algo, row.preset, row.overrides, row.budget, row.eval_every, row.eval_episodes, row.device
-        place = row.target, row.trainer, row.arm, row.core, row.member, row.seed, settings
+        place = row.target, row.trainer, row.arm, row.core, row.member, row.seed, row.budget, row.settings
         if (other := places.setdefault(place, row.id)) != row.id:
             run = f"{row.arm} on {row.target} with seed {row.seed}"
             raise RunDirectoryError(f"{path} has the run {run} as {other} and as {row.id}", remedy="keep one")

@@ -80,6 +80,11 @@ class Row:
         return self.budget_episodes, self.budget_steps, self.budget_seconds
 
     @property
+    def settings(self) -> tuple[object, ...]:
+        """What its trainer's name stands for, beside the budget."""
+        return self.algo, self.preset, self.overrides, self.eval_every, self.eval_episodes, self.device
+
+    @property
     def finished(self) -> bool:
         """Whether it has a result."""
         return not self.error_kind
@@ -128,8 +133,7 @@ def ambiguity(rows: Iterable[Row]) -> str:
     """What one trainer's name stands for twice on one target, so that no table can tell it apart; empty if nothing does."""
     meanings: dict[tuple[str, str, str], set[object]] = defaultdict(set)
     for row in rows:
-        settings = row.algo, row.preset, row.overrides, row.eval_every, row.eval_episodes, row.device
-        for what, value in (("budgets", row.budget), ("settings", settings)):
+        for what, value in (("budgets", row.budget), ("settings", row.settings)):
             meanings[row.trainer or row.arm, row.target, what].add(value)
     twice = [(*names, len(found)) for names, found in meanings.items() if len(found) > 1]
     return "".join(f"runs of {trainer} on {target} with {count} {what}" for trainer, target, what, count in twice[:1])

@@ -129,7 +129,8 @@ class Session:
     @property
     def latest_return(self) -> float | None:
         """Mean return of the latest training episodes, noise and all; None before there are enough."""
-        return float(np.mean(self._latest)) if len(self._latest) == LATEST else None
+        latest = self._latest
+        return float(np.mean(latest)) if len(latest) == LATEST else None
 
     @property
     def kept_return(self) -> float | None:
@@ -156,7 +157,8 @@ class Session:
         """Whether the latest one to five are below it by more than the leeway; before the first, too. None if there is none."""
         if self._to_beat is None:
             return None
-        return not self._latest or float(np.mean(self._latest)) < self._to_beat - self._leeway
+        latest = self._latest
+        return not latest or float(np.mean(latest)) < self._to_beat - self._leeway
 
     @property
     def plays_core(self) -> bool:

@@ -263,7 +263,8 @@ class Agent:
 
     def _anchor_share(self, progress: float, *, behind: bool | None) -> float:
         """How much of the anchor holds: by the evidence if there is any, else less and less over the budget."""
-        config, since = self.config, max(0.0, progress - self._progress)  # a budget that grew is no evidence
+        config = self.config
+        since = max(0.0, progress - self._progress)  # a larger budget makes the share smaller, which changes no hold
         self._progress = progress
         if not config.anchor_halves or behind is None:
             return 1.0 if behind and config.anchor_holds else 1.0 - progress
