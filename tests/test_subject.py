@@ -100,7 +100,7 @@ def test_a_run_is_evaluated_as_it_was_and_plays_its_own_environment_or_is_wrappe
     subject = load_subject(str(tmp_path / "run"))
     assert (subject.env, subject.clip_actions) == (ENV, True)
     assert subject.about["training"] == {
-        "algo": "ppo", "preset": "default-v7", "core": None, "member": 0, "seed": 0, "core_digest": None,
+        "algo": "ppo", "preset": "default-v8", "core": None, "member": 0, "seed": 0, "core_digest": None,
     }  # fmt: skip
     other = load_subject(str(tmp_path / "run"), env="InvertedPendulum-v5")  # as a core
     assert (other.env, other.policy.obs_dim, other.about["core"]) == ("InvertedPendulum-v5", 4, "run")

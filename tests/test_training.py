@@ -114,7 +114,7 @@ def test_the_record_is_the_configuration_and_the_result_is_the_evaluation(tmp_pa
     assert result == read_json(tmp_path / "run/result.json", Result)
     scores = evaluate(load_policy(tmp_path / "run"), IDP, episodes=2).scores()
     assert (result.eval_return_mean, result.eval_return_std) == (scores["return_mean"], scores["return_std"])
-    assert result.preset == "default-v7"
+    assert result.preset == "default-v8"
 
 
 def test_training_stops_at_an_evaluation_that_is_good_enough(tmp_path):

@@ -43,7 +43,7 @@ def test_identity_is_the_version_the_overrides_and_what_is_given():
         "eval_episodes": 20,
         "eval_every": 0,
         "algo": "ppo",
-        "preset": "default-v7",
+        "preset": "default-v8",
     }
     same = replace(config, checkpoint_seconds=9.0, member=2, dyna=DynaConfig(gamma=0.5))
     assert identity(same) == identity(config)

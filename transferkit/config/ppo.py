@@ -23,6 +23,9 @@ class PPOConfig:
     has ended, waiting for that no longer than 2048 actions or a twentieth of the budget."""
     rollout_steps: Annotated[int, Range(1, 1_000_000)] = 128
     """Actions per update, over all environments together; the least of an adaptive rollout."""
+    least_share: Annotated[float, SHARE] = 0.0
+    """Share of the budget that an adaptive rollout has at least, as far as 2048 actions go: many updates from little do not
+    agree with each other."""
     epochs: Annotated[int, AT_LEAST_ONE] = 10
     """Passes over a rollout."""
     batch_size: Annotated[int, BATCH] = 64

@@ -88,6 +88,9 @@ WORTH_IT = replace(UNWEAKENED, least_gain=0.05)
 CRITIC_FIRST = 0.05
 """Of the budget; beside it retention (Wolczyk et al. 2024) won nothing in trials on Walker2d-v5 and the cart-pole."""
 
+LONG = PPOConfig(critic_first=CRITIC_FIRST, least_share=0.002, desired_kl=0.02)
+"""And that learns on with a large budget: from 500 rollouts, each of which may change as much as the clipping lets it."""
+
 LEAST_STD = 0.2
 """Half-cheetah's core has 0.04, with which PPO learnt nothing more in 20,000 steps (study `ladder`, notes)."""
 
@@ -100,6 +103,7 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v5": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=KEPT),
         "default-v6": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(UNWEAKENED, least_std=LEAST_STD)),
         "default-v7": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(WORTH_IT, least_std=LEAST_STD)),
+        "default-v8": Preset(ppo=LONG, wrap=replace(WORTH_IT, least_std=LEAST_STD)),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),
             NetworkConfig(

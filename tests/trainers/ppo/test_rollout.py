@@ -43,6 +43,11 @@ def test_a_rollout_waits_no_longer_than_a_twentieth_of_the_budget():
     assert not rule.is_over(127, ended=True, share=1.0)
 
 
+def test_a_rollout_has_a_least_share_of_the_budget():
+    rule = RolloutRule(PPOConfig(rollout_steps=128, least_share=0.01), 1)
+    assert [rule.is_over(128, ended=True, share=share) for share in (0.009, 0.01)] == [False, True]
+
+
 @pytest.mark.parametrize(
     ("rollout", "steps", "num_envs", "capacity"),
     [("steps", 128, 4, 32), ("episode", 1000, 1, 1000), ("adaptive", 128, 4, 512), ("adaptive", 4096, 4, 1024)],

@@ -38,7 +38,8 @@ class RolloutRule:
     def is_over(self, steps: int, *, ended: bool, share: float) -> bool:
         """Decide whether to update after this many steps and this share of the budget, in which an episode ended or not."""
         if self.config.rollout == "adaptive":
-            return steps >= self.config.rollout_steps and (ended or share >= LONGEST_SHARE)
+            enough = steps >= self.config.rollout_steps and share >= self.config.least_share
+            return enough and (ended or share >= LONGEST_SHARE)
         return ended and self.config.rollout == "episode"
 
     def minibatch_sizes(self, steps: int) -> list[int]:
