@@ -167,20 +167,20 @@ def test_an_anchor_halves_while_the_policy_keeps_up_and_is_taken_up_again(full_c
     made, anchors = make(), []
     for progress, behind in ((0.1, True), (0.2, False), (0.4, False), (0.5, True), (0.9, True)):
         made.set_progress(progress, 0.0, behind=behind)
-        anchors.append(made.anchor)
+        anchors.append(made.anchor.weight)
     np.testing.assert_allclose(anchors, [0.8, 0.4, 0.1, 0.2, 0.8], rtol=1e-12)
     made.set_progress(0.95, 0.0, behind=False)
     again = make()
     again.restore(made.state())
     for one in (made, again):
         one.set_progress(1.0, 0.0, behind=False)
-        assert one.anchor == pytest.approx(0.4)
+        assert one.anchor.weight == pytest.approx(0.4)
     again.set_progress(0.5, 0.0, behind=True)  # of a budget that has grown
-    assert again.anchor == pytest.approx(0.4)
+    assert again.anchor.weight == pytest.approx(0.4)
     made.set_progress(9.0, 0.0, behind=False)
-    assert made.anchor == pytest.approx(0.8 / 1024)  # no more than ten times
+    assert made.anchor.weight == pytest.approx(0.8 / 1024)  # no more than ten times
     again.set_progress(0.75, 0.0)  # nothing is known of it
-    assert again.anchor == pytest.approx(0.2)
+    assert again.anchor.weight == pytest.approx(0.2)
 
 
 def test_a_wrapped_core_stays_while_it_is_frozen(full_core, pendulum_spec):

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from transferkit.nn import Learner, Part, flatten
 from transferkit.policy.wrapped_ensemble import learning_parts, thaw
+from transferkit.trainers.dyna.anchor import Anchor
 from transferkit.trainers.dyna.fit import fit
 from transferkit.trainers.dyna.held import Held, held_transitions
 from transferkit.trainers.dyna.image import Image
@@ -38,9 +39,6 @@ LARGEST_PROGRAM = 4
 
 NOISE_CLIP = 2.5
 """Bound of the noise in the targets' actions, in standard deviations (Fujimoto et al. 2018)."""
-
-MOST_HALVINGS = 10.0
-"""How often the anchor halves at most: more would take too long to undo."""
 
 M = TypeVar("M", bound=nn.Module)
 
@@ -93,7 +91,7 @@ class Agent:
         self._warming_up = config.random_steps > 0 and not policy.has_core
         self._rewarded, self._held, self.steps, self.updates, self._age = False, None, 0, 0, 0
         self.losses: dict[str, Tensor] = {}
-        self._progress, self._halvings = 0.0, 0.0
+        self.anchor = Anchor(config)
         self.set_progress(0.0, 0.0)
 
     @torch.no_grad()
@@ -206,7 +204,7 @@ class Agent:
         One that is `behind` its core may not let it go; None if that is not known.
         """
         config = self.config
-        self.anchor = config.anchor * self._anchor_share(progress, behind=behind)
+        self.anchor.follow(progress, behind=behind)
         self.noise = config.exploration_noise + progress * (config.final_noise - config.exploration_noise)
         self.policy.at_progress(progress)
         for part in (self.critic, self.model):
@@ -219,7 +217,7 @@ class Agent:
 
     def metrics(self) -> dict[str, float]:
         """Return the latest losses, and how firmly a policy with a core is held to it."""
-        held = {} if self.first_policy is None else {"anchor": self.anchor}
+        held = {} if self.first_policy is None else {"anchor": self.anchor.weight}
         return {name: float(loss) for name, loss in self.losses.items()} | held
 
     def state(self) -> dict[str, Any]:
@@ -234,8 +232,7 @@ class Agent:
             "age": self._age,
             "held": [] if self._held is None else [self._held.state()],
             "warming_up": self._warming_up,
-            "progress": self._progress,
-            "halvings": self._halvings,
+            **self.anchor.state(),
             "rewarded": self._rewarded,
             "losses": self.losses,
             "returns": self.returns.state(),
@@ -255,22 +252,11 @@ class Agent:
         held = [Held.restored(one, (self.buffer.obs_dim, self.buffer.act_dim)) for one in state.get("held", [])]
         self._held = held[0] if held else None
         self._warming_up = state["warming_up"]
-        self._progress, self._halvings = float(state.get("progress", 0.0)), float(state.get("halvings", 0.0))
+        self.anchor.restore(state)
         self._rewarded = state.get("rewarded", False)  # earlier versions asked the buffer, which forgets
         if "returns" in state:
             self.returns.restore(state["returns"])
         self.losses = {name: loss.reshape(()) for name, loss in state["losses"].items()}
-
-    def _anchor_share(self, progress: float, *, behind: bool | None) -> float:
-        """How much of the anchor holds: by the evidence if there is any, else less and less over the budget."""
-        config = self.config
-        since = max(0.0, progress - self._progress)  # a larger budget makes the share smaller, which changes no hold
-        self._progress = progress
-        if not config.anchor_halves or behind is None:
-            return 1.0 if behind and config.anchor_holds else 1.0 - progress
-        halvings = since / config.anchor_halves
-        self._halvings = min(max(0.0, self._halvings + (-halvings if behind else halvings)), MOST_HALVINGS)
-        return 2.0**-self._halvings
 
     def _fit(self) -> None:
         loss = fit(self.model_learner, self.buffer, self.model_config, self.imagination, self.programs.update_model)
@@ -311,7 +297,7 @@ class Agent:
         rates = torch.zeros(count, len(self.actor_optimizer.flat), 2, device=self.device)
         rates[with_actor] = self.actor_optimizer.rates(sum(with_actor))
         tensors = Minibatches(batch.observation, batch.action, target, self.critic_optimizer.rates(count), rates)
-        anchor = torch.tensor(self.anchor, device=self.device)
+        anchor = torch.tensor(self.anchor.weight, device=self.device)
         for k in range(0, count, size := min(every, LARGEST_PROGRAM)):
             part = Minibatches(*(tensor[k : k + size] for tensor in tensors))
             loss, actors_loss = self.programs.update(self.networks, part, anchor, tuple(with_actor[k : k + size]))
