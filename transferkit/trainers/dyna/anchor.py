@@ -13,7 +13,7 @@ MOST_HALVINGS = 10.0
 
 
 class Anchor:
-    """The `weight` of the distance to the first policy: by the run's own evidence if there is any, else less over the budget."""
+    """The `weight` of the distance to the first policy: by the run's own evidence if there is any, else less with time."""
 
     def __init__(self, config: DynaConfig) -> None:
         self._config, self.weight = config, config.anchor
