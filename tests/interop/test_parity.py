@@ -187,7 +187,7 @@ def test_onnx_of_our_own_export(tmp_path, squash):
     policy.update_normalizer(torch.from_numpy(writers.observations(4)))
     export_onnx(Subject(policy, ENV), tmp_path / "m.onnx")
     observation = writers.observations(4)
-    core = core_of(tmp_path / "m.onnx", action_scale=1.0)
+    core = core_of(tmp_path / "m.onnx")  # it says what its outputs are
     assert np.abs(core.policy().act(observation) - policy.act(observation)).max() <= 1e-5
 
 

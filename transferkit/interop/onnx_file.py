@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING
 import torch
 
 from transferkit.interop.foreign import Foreign, Layer, Statistics
-from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, steps_of
+from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, properties_of, steps_of
 from transferkit.reading import FormatError
 
 if TYPE_CHECKING:
     from transferkit.interop.onnx_graph import Step
 
 
+OWN = {"action_low", "action_high", "known_output"}
+"""Properties of a file of `export_onnx`, whose outputs are in the environment's own units."""
+
+
 def read_onnx(data: bytes) -> Foreign:
-    """Read a policy; what its outputs are in the environment, no graph says.
+    """Read a policy; what its outputs are in the environment, no graph says, but a file of `export_onnx` does.
 
     Raises:
         ConfigError: the package onnx is not installed.
@@ -35,7 +39,7 @@ def read_onnx(data: bytes) -> Foreign:
         "ONNX",
         layers,
         activations[0],
-        None,
+        1.0 if properties_of(data) >= OWN else None,
         squash=squash,
         gain=gain if squash else 1.0,
         statistics=statistics,
