@@ -133,7 +133,7 @@ def test_schedules_follow_the_new_budget_from_the_first_step(tmp_path, monkeypat
     config, seen = small("dyna-ddpg", steps=150, eval_every=0), []
     run_training(config, out=tmp_path / "run")
     explore = Agent.explore
-    monkeypatch.setattr(Agent, "explore", lambda agent, x: seen.append(agent._progress) or explore(agent, x))
+    monkeypatch.setattr(Agent, "explore", lambda agent, x: seen.append(agent.anchor.state()["progress"]) or explore(agent, x))
     run_training(more(config, steps=300), out=tmp_path / "run", resume=True)
     assert (seen[0], len(seen)) == (0.5, 150)
 
