@@ -89,7 +89,7 @@ CRITIC_FIRST = 0.05
 """Of the budget; beside it retention (Wolczyk et al. 2024) won nothing in trials on Walker2d-v5 and the cart-pole."""
 
 LONG = PPOConfig(critic_first=CRITIC_FIRST, least_share=0.002, desired_kl=0.02)
-"""And that learns on with a large budget: from 500 rollouts, each of which may change as much as the clipping lets it."""
+"""And that goes on learning with a large budget: from at most 500 rollouts, each of which may move it four times as far."""
 
 LEAST_STD = 0.2
 """Half-cheetah's core has 0.04, with which PPO learnt nothing more in 20,000 steps (study `ladder`, notes)."""
