@@ -5,12 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from experiments import peer_runs
 from experiments.matrix.cell import Cell
 from experiments.study.__main__ import check, main, write
 from experiments.study.figure import draw
 from experiments.study.readme import _markdown
 from experiments.study.rooms import STUDIES, Study, StudyError, find, names
-from transferkit.config import PRESETS
+from transferkit.config import PRESETS, TrainConfig
 
 ROOT = Path(__file__).parents[3]
 WITH_ROWS = [name for name in names() if (STUDIES / name / "rows.csv").exists()]
@@ -24,6 +25,9 @@ def test_every_table_says_what_its_rows_say(name, capsys):
 @pytest.mark.parametrize("name", WITH_ROWS)
 def test_every_row_is_of_a_preset_and_has_the_id_of_its_run(name):
     for row in find(name).rows:
+        if row.trainer == peer_runs.TRAINER:
+            assert peer_runs.row_id(TrainConfig(row.target, seed=row.seed, steps=row.budget_steps)) == row.id, row
+            continue
         assert not row.algo or row.preset in PRESETS[row.algo]
         assert Cell.from_row(row).id == row.id, row
         assert Cell.from_row(row).row.overrides == row.overrides, row
