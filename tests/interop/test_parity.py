@@ -15,7 +15,7 @@ from transferkit import Subject, export_onnx
 from transferkit.envs import derive_spec, make_env
 from transferkit.errors import ConfigError
 from transferkit.interop import Given, read_core
-from transferkit.interop.onnx_graph import steps_of
+from transferkit.interop.onnx_graph import read_graph
 from transferkit.nn import Architecture
 from transferkit.policy.base import ScratchPolicy
 from transferkit.reading import FormatError
@@ -157,7 +157,7 @@ def test_a_graph_that_runs_in_a_circle_is_refused():
     nodes = [onnx.helper.make_node("Identity", [a], [b]) for a, b in (("a", "b"), ("b", "a"))]
     model = onnx.helper.make_model(onnx.helper.make_graph(nodes, "circle", [value("x")], [value("a")]))
     with pytest.raises(FormatError, match="not a chain of at most 1000 operations"):
-        steps_of(model.SerializeToString())
+        read_graph(model.SerializeToString())
 
 
 def test_onnx_of_rsl_rl(tmp_path):

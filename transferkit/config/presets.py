@@ -88,7 +88,9 @@ WORTH_IT = replace(UNWEAKENED, least_gain=0.05)
 CRITIC_FIRST = 0.05
 """Of the budget; beside it retention (Wolczyk et al. 2024) won nothing in trials on Walker2d-v5 and the cart-pole."""
 
-LONG = PPOConfig(critic_first=CRITIC_FIRST, least_share=0.002, desired_kl=0.02)
+WAITS = PPOConfig(critic_first=CRITIC_FIRST)
+
+LONG = replace(WAITS, least_share=0.002, desired_kl=0.02)
 """And that goes on learning with a large budget: from at most 500 rollouts, each of which may move it four times as far."""
 
 LEAST_STD = 0.2
@@ -100,9 +102,9 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v2": Preset(),
         "default-v3": Preset(wrap=MECHANISM),
         "default-v4": Preset(wrap=ON_PROBATION),
-        "default-v5": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=KEPT),
-        "default-v6": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(UNWEAKENED, least_std=LEAST_STD)),
-        "default-v7": Preset(ppo=PPOConfig(critic_first=CRITIC_FIRST), wrap=replace(WORTH_IT, least_std=LEAST_STD)),
+        "default-v5": Preset(ppo=WAITS, wrap=KEPT),
+        "default-v6": Preset(ppo=WAITS, wrap=replace(UNWEAKENED, least_std=LEAST_STD)),
+        "default-v7": Preset(ppo=WAITS, wrap=replace(WORTH_IT, least_std=LEAST_STD)),
         "default-v8": Preset(ppo=LONG, wrap=replace(WORTH_IT, least_std=LEAST_STD)),
         "paper-v1": Preset(
             EnvConfig(clip_actions=False),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import torch
 
 from transferkit.interop.foreign import Foreign, Layer, Statistics
-from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, properties_of, steps_of
+from transferkit.interop.onnx_graph import Affine, Clip, Nonlinear, Sized, read_graph
 from transferkit.reading import FormatError
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ def read_onnx(data: bytes) -> Foreign:
         ConfigError: the package onnx is not installed.
         FormatError: it is damaged, or not a plain MLP.
     """
-    steps = _fused(steps_of(data))
+    graph, properties = read_graph(data)
+    steps = _fused(graph)
     first = next((k for k, step in enumerate(steps) if isinstance(step, Layer)), len(steps))
     statistics = _statistics(steps[:first])
     layers, activations, end = _mlp(steps[first:])
@@ -39,7 +40,7 @@ def read_onnx(data: bytes) -> Foreign:
         "ONNX",
         layers,
         activations[0],
-        1.0 if properties_of(data) >= OWN else None,
+        1.0 if properties >= OWN else None,
         squash=squash,
         gain=gain if squash else 1.0,
         statistics=statistics,

@@ -70,35 +70,26 @@ class Sized:
 Step: TypeAlias = Layer | Affine | Clip | Nonlinear | Sized
 
 
-def steps_of(data: bytes) -> list[Step]:
-    """Read the chain.
+def read_graph(data: bytes) -> tuple[list[Step], set[str]]:
+    """Read the chain, and the names of what its writer said beside it.
 
     Raises:
         ConfigError: the package onnx cannot be imported.
         FormatError: it is damaged, or something in it is not read.
     """
-    onnx, model = _loaded(data)
+    onnx = import_extra("onnx", "onnx", "an ONNX file")
+    try:
+        model = onnx.load_model_from_string(data)
+    except Exception:  # of protobuf, in many lines
+        raise FormatError("it is not an ONNX model, or damaged") from None
     graph = _Graph(onnx, model.graph, len(data))
     steps, value = list[Step](), graph.output
     for _ in range(LONGEST):
         if value == graph.input:
-            return steps[::-1]
+            return steps[::-1], {said.key for said in model.metadata_props}
         step, value = graph.step(value)
         steps += [] if step is None else [step]
     raise FormatError(f"its graph is not a chain of at most {LONGEST} operations")
-
-
-def properties_of(data: bytes) -> set[str]:
-    """Return the names of what its writer said beside the graph; raises as `steps_of` does."""
-    return {said.key for said in _loaded(data)[1].metadata_props}
-
-
-def _loaded(data: bytes) -> tuple[Any, Any]:
-    onnx = import_extra("onnx", "onnx", "an ONNX file")
-    try:
-        return onnx, onnx.load_model_from_string(data)
-    except Exception:  # of protobuf, in many lines
-        raise FormatError("it is not an ONNX model, or damaged") from None
 
 
 class _Graph:
