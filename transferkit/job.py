@@ -19,7 +19,7 @@ from transferkit.budget import KINDS, Budget, Spent
 from transferkit.config import TrainConfig, identity, migrated_blueprint
 from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, find_mirror, is_written, make_env, names_module
 from transferkit.errors import ConfigError, SettingError, reason_of
-from transferkit.evaluation import evaluate
+from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.files import check_folder, damaged_run
 from transferkit.policy.blueprints import Sandwiched, plan_of
 from transferkit.policy.make import scratch_policy
@@ -30,6 +30,7 @@ from transferkit.record.play import Subject, record_evaluation
 from transferkit.run import (
     BEST,
     CHECKPOINT,
+    LATEST,
     RECORD,
     RESULT,
     UNTRAINED,
@@ -270,19 +271,25 @@ class Job:
 
     def warn(self, session: Session) -> None:
         """Say if training has come to less than doing nothing, or to less than the core could at once."""
-        found, latest = self.probation, session.latest_return
-        if found is None or latest is None:
+        latest = session.latest_return
+        if latest is None:
             return
-        if found.zero and latest < np.mean(found.zero):
-            worse, remedy = f"doing nothing ({np.mean(found.zero):.4g})", "a larger budget or another preset"
+        if latest < (zero := self._return_of_nothing()):
+            worse, remedy = f"doing nothing ({zero:.4g})", "a larger budget or another preset"
         elif session.is_behind:
-            worse = f"the untrained core ({np.mean(found.core):.4g}){', which the run keeps' if session.plays_core else ''}"
+            worse = f"the untrained core ({self._to_beat:.4g}){', which the run keeps' if session.plays_core else ''}"
             remedy = "a larger budget"
         else:
             return
         if session.keeps_peak and not session.plays_core:
             worse += f"; the run keeps the policy of its best ones ({session.peak:.4g})"
         LOGGER.warning("the last training episodes (mean return %.4g) are worse than %s: try %s", latest, worse, remedy)
+
+    def _return_of_nothing(self) -> float:
+        """The mean return of zero action, which is played now if no probation did; no budget counts that."""
+        if self.probation and self.probation.zero:
+            return float(np.mean(self.probation.zero))
+        return evaluate(ZeroPolicy(self.policy.act_dim), self.make_env, episodes=LATEST).mean
 
     @property
     def _to_beat(self) -> float | None:

@@ -1,6 +1,9 @@
+import json
+
 import pytest
 
 from tests.cli.commands import refusal, run, run_json
+from transferkit import load_match
 
 CORE, TWO = "inverted-pendulum-v1", "InvertedDoublePendulum-v5"
 
@@ -11,6 +14,10 @@ def test_a_match_is_shown_written_and_trained_with(capsys, tmp_path):
     assert f"{CORE} on {TWO}: 4 of 4 inputs and 1 of 1 actions are matched" in text
     data = run_json(capsys, "match", CORE, TWO)
     assert (data["inputs"], data["actions"], data["holds"], data["hold"]) == (1.0, 1.0, True, 1)
+    assert "# not matched: target joint hinge_y2: nothing like it is left" in path.read_text()
+    assert [(one["kind"], one["name"]) for one in data["unmatched"]] == [("target joint", "hinge_y2")]
+    (tmp_path / "m.json").write_text(json.dumps(data))  # what --json prints is handed back as it is
+    assert load_match(tmp_path / "m.json") == load_match(path)
     path.write_text(path.read_text().replace("{hinge_y: 1.0}", "{hinge_y2: 1.0}"))
     scores = run_json(capsys, "eval", CORE, "--env", TWO, "--match", path, "--episodes", 2)
     assert scores["returns"] != run_json(capsys, "eval", CORE, "--env", TWO, "--episodes", 2)["returns"]
@@ -32,6 +39,7 @@ def test_nothing_that_crosses_is_said(capsys):
 def test_cores_are_found_by_how_much_of_them_there_is(capsys):
     rows = run_json(capsys, "zoo", "find", "InvertedPendulum-v5", "--play")
     assert [row["inputs"] * row["actions"] for row in rows] == sorted((r["inputs"] * r["actions"] for r in rows), reverse=True)
+    assert run_json(capsys, "zoo", "find", "dm_control/hopper-stand-v0")[0]["core"] == "hopper-v1"
     own = next(row for row in rows if row["core"] == CORE)
     assert (own["source"], own["inputs"], own["returns"]) == ("InvertedPendulum-v5", 1.0, [1000.0] * 5)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from transferkit.envs import derive_spec, environment_ids
-from transferkit.matching import compiled, coverage, explain, pair
+from transferkit.matching import compiled, coverage, distance, explain, pair, unmatched
+from transferkit.matching.align import hindrance
 from transferkit.matching.scales import Strength, factors
 
 ONE, TWO, CARTPOLE = "InvertedPendulum-v5", "InvertedDoublePendulum-v5", "dm_control/cartpole-balance-v0"
@@ -151,8 +152,29 @@ def test_no_action_of_a_pole_means_anything_on_a_hopper(source):
 def test_what_is_not_matched_is_said_with_the_reason():
     _, match, source, target = matched(TWO, ONE)
     text = explain(match, source, target)
-    assert "joint hinge_y2 (hinge2) = not matched: nothing like it is left" in text
+    assert "joint hinge_y2 (hinge2) = not matched: nothing like it is left (what could stand for it stands for another)" in text
     assert "core input hinge_y2.velocity = not matched: nothing is matched with hinge_y2" in text
     assert "core input observation[8] = not matched: force, which is the same only in the same mechanism" in text
     text = explain(*matched(HOPPER, WALKER)[1:])
     assert "action drive.hinge_y7 = +1.497 drive.hinge_y4[2]" in text
+    left_out = unmatched(*matched(HOPPER, DM_HOPPER)[1:])
+    assert [(one.kind, one.name) for one in left_out] == [
+        ("target joint", "hinge_y2"),
+        ("action", "drive.hinge_y2"),
+    ]  # the waist
+
+
+def test_the_reason_is_the_first_thing_that_no_joint_of_the_other_robot_has():
+    slide, hinge = derive_spec(ONE).joints
+    assert hindrance(slide, [hinge]) == "no slide"
+    assert hindrance(hinge, [slide, replace(hinge, axis=(1.0, 0.0, 0.0))]) == "no hinge about a parallel axis"
+    assert hindrance(hinge, [replace(hinge, rest=(0.0, 0.0, -1.0))]) == "no hinge whose load rests on the same side"
+    assert hindrance(hinge, [slide, hinge]) is None
+
+
+def test_mechanisms_are_as_far_apart_as_their_alignment_costs():
+    hopper, walker = derive_spec(HOPPER), derive_spec(WALKER)
+    assert distance(hopper, hopper) == pytest.approx(0, abs=1e-6)
+    assert distance(hopper, walker) == pytest.approx(distance(walker, hopper))
+    assert 0 < distance(hopper, walker) < 0.5
+    assert distance(derive_spec("dm_control/pendulum-swingup-v0"), derive_spec("Reacher-v5")) == 1  # one hangs, the others lie

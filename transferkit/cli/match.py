@@ -41,16 +41,18 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.yaml is not None:
         check_new(options.yaml, "yaml", ".yaml")
     from transferkit.envs import derive_spec  # noqa: PLC0415 - heavy
-    from transferkit.matching import as_plain, compiled, coverage, explain, save_match  # noqa: PLC0415
+    from transferkit.matching import as_plain, compiled, coverage, explain, save_match, unmatched  # noqa: PLC0415
 
     source, target = _source(options.source), derive_spec(str(environment(options)))
     given = {name: getattr(options, name) for name in FOUND if getattr(options, name) is not None}
     pairing = match(source, target, **given)
     arrays = compiled(pairing, source, target)
+    left_out = unmatched(arrays, source, target)
     if options.yaml is not None:
-        save_match(pairing, options.yaml)
+        save_match(pairing, options.yaml, left_out)
     inputs, actions = coverage(arrays, source)
-    data: dict[str, Any] = {"inputs": inputs, "actions": actions, "holds": arrays.holds, **as_plain(pairing)}
+    data: dict[str, Any] = {"inputs": inputs, "actions": actions, "holds": arrays.holds}
+    data |= {"unmatched": [asdict(one) for one in left_out], **as_plain(pairing)}
     matched = f"{_share(inputs, source.obs_dim)} inputs and {_share(actions, source.act_dim)} actions"
     head = f"{options.source} on {target.env_id}: {matched} are matched"
     note = "" if arrays.holds else "\nnothing crosses: a core that is wrapped there begins with random adapters"

@@ -78,8 +78,11 @@ def _find(options: argparse.Namespace) -> Answer:
     _say_errors(errors)
     if not found:
         return Answer([], f"nothing crosses: {env} represents no input and action of any core")
-    header = ["id", "source", "inputs", "actions", "hold", "limbs"]
-    table = [[one.core, one.source, f"{one.inputs:.0%}", f"{one.actions:.0%}", one.hold, one.copies] for one in found]
+    header = ["id", "source", "inputs", "actions", "hold", "limbs", "distance"]
+    table = [
+        [one.core, one.source, f"{one.inputs:.0%}", f"{one.actions:.0%}", one.hold, one.copies, f"{one.distance:.2f}"]
+        for one in found
+    ]
     data = [asdict(one) for one in found]
     if options.play:
         header += ["untrained", "zero action", "episodes above it"]

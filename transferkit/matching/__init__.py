@@ -1,11 +1,13 @@
 """What of a target means what a core's numbers mean: which joint is which, and how to compute one from the other."""
 
+from transferkit.matching.align import distance
 from transferkit.matching.earlier import earlier_match
 from transferkit.matching.explain import coverage, explain
 from transferkit.matching.files import as_plain, check_match, load_match, save_match
 from transferkit.matching.make import find_pairing, match_for
 from transferkit.matching.match import Match, angle_pairs, compiled, padded
 from transferkit.matching.pair import pair
+from transferkit.matching.unmatched import Unmatched, unmatched
 from transferkit.pairing import Angles, Copy, Forces, Limbs, Pairing
 
 __all__ = [
@@ -15,11 +17,13 @@ __all__ = [
     "Limbs",
     "Match",
     "Pairing",
+    "Unmatched",
     "angle_pairs",
     "as_plain",
     "check_match",
     "compiled",
     "coverage",
+    "distance",
     "earlier_match",
     "explain",
     "find_pairing",
@@ -28,4 +32,5 @@ __all__ = [
     "padded",
     "pair",
     "save_match",
+    "unmatched",
 ]

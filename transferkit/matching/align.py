@@ -9,7 +9,7 @@ cost is found exactly, by assignments of limbs to limbs (`scipy.optimize.linear_
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
@@ -139,15 +139,26 @@ class Aligner:
         return Alignment(cost - float(gains[rows, columns].sum()), pairs)
 
 
+def distance(source: IOSpec, target: IOSpec) -> float:
+    """How far apart two mechanisms are: the cost of their alignment over that of leaving out every joint; 0 if they are one."""
+    return align(source, target).cost / (GAP * max(1, len(source.joints) + len(target.joints)))
+
+
+def hindrance(joint: Joint, others: Iterable[Joint]) -> str | None:
+    """Say why none of the other robot's joints can stand for one, or None if one can."""
+    for lacking, holds in NEEDED:
+        others = [other for other in others if holds(joint, other)]
+        if not others:
+            return f"no {joint.type} {lacking}".rstrip()
+    return None
+
+
 def difference(one: Feature, other: Feature) -> float:
     """Price the differences between two joints; infinite if neither can stand for the other."""
-    if one.joint.type != other.joint.type or not parallel(one.joint, other.joint):
-        return math.inf
-    rest = _rest(one.joint, other.joint)
-    if rest > FARTHEST:
+    if hindrance(one.joint, [other.joint]):
         return math.inf
     apart = {
-        "rest": rest,
+        "rest": _rest(one.joint, other.joint),
         "length": _ratio(one.length, other.length),
         "mass": _ratio(one.mass, other.mass),
         "range": _ratio(_width(one.joint), _width(other.joint)),
@@ -164,6 +175,14 @@ def _rest(one: Joint, other: Joint) -> float:
     if not any(one.rest) and not any(other.rest):
         return 0.0
     return 1.0 - float(np.dot(one.rest, other.rest))
+
+
+NEEDED: Sequence[tuple[str, Callable[[Joint, Joint], bool]]] = (
+    ("", lambda one, other: one.type == other.type),
+    ("about a parallel axis", parallel),
+    ("whose load rests on the same side", lambda one, other: _rest(one, other) <= FARTHEST),
+)
+"""What a joint must share with another to stand for it, in the words in which the lack of it is said."""
 
 
 def _ratio(one: float, other: float) -> float:

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from transferkit.matching.match import FORMLESS
 from transferkit.matching.scales import gravity_scale
+from transferkit.matching.unmatched import unmatched
 
 if TYPE_CHECKING:
     from transferkit.matching.match import Match
-    from transferkit.pairing import Combination, Copy, Pairing
-    from transferkit.spec import Element, IOSpec
+    from transferkit.pairing import Copy, Pairing
+    from transferkit.spec import IOSpec
 
 KEPT = {
     "acceleration": "an action keeps the acceleration that it causes",
@@ -29,14 +29,21 @@ def coverage(match: Match, source: IOSpec) -> tuple[float, float]:
 
 
 def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
-    """Write the scales, and one line for every joint, core input and target action of each copy of the core."""
+    """Write the scales, and one line for every joint, core input and target action of each copy of the core.
+
+    Joints of the target have a line where nothing reads them.
+    """
     lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target))]
+    left_out = unmatched(match, source, target)
     for k in range(match.copies):
+        why = {(one.kind, one.name): f"not matched: {one.why}" for one in left_out if one.copy == k + 1}
         if match.copies > 1:
             lines.append(f"  copy {k + 1} of {match.copies}")
         if match.pairing is not None:
-            lines += _joints(match.pairing.copies[k], source, target)
-        lines += _inputs(match, k, source, target)
+            lines += _joints(match.pairing.copies[k], source, target, why)
+        lines += _inputs(match, k, source, target, why)
+    unread = [(one.name, target.model_names[one.name], one.why) for one in left_out if one.kind == "target joint"]
+    lines += [f"  the target's joint {name} ({model_name}) = not matched: {why}" for name, model_name, why in unread]
     return "\n".join([*lines, *_actions(match, source, target)])
 
 
@@ -46,17 +53,17 @@ def _scales(pairing: Pairing, gravity: float) -> str:
     return f"  lengths: the source's are {pairing.length:.3g} times the target's{heavier}; {KEPT[pairing.forces]}{held}"
 
 
-def _joints(copy: Copy, source: IOSpec, target: IOSpec) -> list[str]:
+def _joints(copy: Copy, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str]) -> list[str]:
     own, others = (spec.model_names for spec in (source, target))
     lines = []
     for name, model_name in own.items():
         reads = _terms({others[other]: share for other, share in copy.joints.get(name, {}).items()})
         shift = f" {copy.shift[name]:+.4g}" if copy.shift.get(name) else ""
-        lines.append(f"  joint {name} ({model_name}) = {reads + shift if reads else 'not matched: nothing like it is left'}")
+        lines.append(f"  joint {name} ({model_name}) = {reads + shift if reads else why['joint', name]}")
     return lines
 
 
-def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec) -> list[str]:
+def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str]) -> list[str]:
     names = [e.name for e in target.observation]
     names += [f"atan2({names[s]}, {names[c]})" for s, c in zip(match.sin, match.cos, strict=True)]
     first, lines = k * source.obs_dim, []
@@ -64,19 +71,9 @@ def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec) -> list[str]:
         weight, bias, form = match.weight[first + i], match.bias[first + i], match.form[first + i]
         terms = _terms({name: w for w, name in zip(weight, names, strict=True) if abs(w) > 1e-9})
         value = terms + (f" {bias:+g}" if abs(bias) > 1e-9 else "")
-        reason = "" if match.pairing is None else f": {_why(element, match.pairing.copies[k].joints)}"
-        text = {"none": f"not matched{reason}", "linear": value}.get(form, f"{form}({value})")
+        text = {"none": why.get(("core input", element.name)), "linear": value}.get(form, f"{form}({value})")
         lines.append(f"  core input {element.name} = {text}")
     return lines
-
-
-def _why(element: Element, joints: Mapping[str, Combination]) -> str:
-    """Why nothing of the target means an element."""
-    if element.quantity in FORMLESS:
-        return f"{element.quantity}, which is the same only in the same mechanism"
-    if missing := [name for name in element.joints if name not in joints]:
-        return f"nothing is matched with {', '.join(missing)}"
-    return "the target does not observe it"
 
 
 def _actions(match: Match, source: IOSpec, target: IOSpec) -> list[str]:

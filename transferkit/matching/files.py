@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -12,6 +12,7 @@ from transferkit.config.checks import check_kind
 from transferkit.env_id import EnvId
 from transferkit.errors import ConfigError, UnknownNameError
 from transferkit.files import check_new, new_file
+from transferkit.matching.unmatched import Unmatched
 from transferkit.pairing import Pairing
 from transferkit.reading import FormatError, parse_yaml, read_bytes
 
@@ -33,8 +34,8 @@ HEAD = """\
 """
 
 
-def save_match(pairing: Pairing, path: str | Path) -> None:
-    """Write a match as YAML.
+def save_match(pairing: Pairing, path: str | Path, left_out: Iterable[Unmatched] = ()) -> None:
+    """Write a match as YAML, with what is left out as comments.
 
     Raises:
         ConfigError: the file exists, its folder does not, it cannot be written, or its name does not end in .yaml.
@@ -44,9 +45,20 @@ def save_match(pairing: Pairing, path: str | Path) -> None:
     check_kind("pairing", pairing, Pairing, "give what transferkit.match returns")
     check_new(Path(path), "yaml", ".yaml")
     text = HEAD.format(source=pairing.source, target=pairing.target)
+    text += "".join(f"# not matched: {one.kind} {one.name}: {one.why}\n" for one in left_out)
     text += yaml.safe_dump(as_plain(pairing), sort_keys=False, default_flow_style=None, width=120)
     with new_file(Path(path), "yaml") as temporary:
         temporary.write_text(text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report(Pairing):
+    """A match with what `transferkit match --json` says of it, which nobody who hands it back has to take out."""
+
+    inputs: float | None = None
+    actions: float | None = None
+    holds: bool | None = None
+    unmatched: list[Unmatched] | None = None
 
 
 def as_plain(pairing: Pairing) -> dict[str, Any]:
@@ -66,7 +78,8 @@ def load_match(path: str | Path) -> Pairing:
     """
     check_kind("path", path, (str, Path), "give a file from transferkit match")
     try:
-        return parse_yaml(read_bytes(Path(path), LARGEST), Pairing)
+        read = parse_yaml(read_bytes(Path(path), LARGEST), Report)
+        return Pairing(**{field.name: getattr(read, field.name) for field in fields(Pairing)})
     except OSError as error:
         raise ConfigError(f"cannot read the match {path}: {error.strerror}", topic="matches") from None
     except FormatError as error:

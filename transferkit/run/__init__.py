@@ -15,7 +15,7 @@ from transferkit.run.directory import (
     read_record,
 )
 from transferkit.run.result import RECORD, RESULT, Best, Earlier, MadeOf, Probation, Record, Result
-from transferkit.run.session import Report, Schedule, Scores, Session
+from transferkit.run.session import LATEST, Report, Schedule, Scores, Session
 from transferkit.run.state_file import check_alike, load_state, save_state
 from transferkit.run.tables import ALWAYS, TABLES, EpisodeRow, EvaluationRow, ModelRow, Row, read_table
 
@@ -23,6 +23,7 @@ __all__ = [
     "ALWAYS",
     "BEST",
     "CHECKPOINT",
+    "LATEST",
     "POLICY",
     "RECORD",
     "RESULT",

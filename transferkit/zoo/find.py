@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, TransferkitError
 from transferkit.evaluation import ZeroPolicy, evaluate
-from transferkit.matching import compiled, coverage
+from transferkit.matching import compiled, coverage, distance
 from transferkit.policy.make import wrap
 from transferkit.policy.matches import match as pairing_of
 from transferkit.zoo.artifact import load_core
@@ -18,6 +18,7 @@ from transferkit.zoo.catalog import list_cards
 if TYPE_CHECKING:
     from transferkit.envs import EnvLike
     from transferkit.matching import Match
+    from transferkit.spec import IOSpec
     from transferkit.zoo.card import Card
 
 EPISODES = 5
@@ -43,6 +44,8 @@ class Found:
     """Lengths of its robot over those of the environment's."""
     forces: str
     """What its actions keep."""
+    distance: float
+    """How far apart the two mechanisms are: 0 if they are one, 1 if no joint of either stands for one of the other."""
 
     @property
     def share(self) -> float:
@@ -64,7 +67,7 @@ class Played:
 
 
 def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
-    """Rank the cores of the zoo by how much of them an environment can represent.
+    """Rank the cores of the zoo by how much of them an environment can represent, then by how near their robots are.
 
     Returns those of which anything can be, and what is wrong with cards that cannot be read or matched.
 
@@ -81,14 +84,24 @@ def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
             errors.append(ConfigError(f"core {card.id}: {error}"))
             continue
         if match.holds:
-            found.append(_found(card, match))
-    return sorted(found, key=lambda one: -one.share), errors
+            found.append(_found(card, match, target))
+    return sorted(found, key=lambda one: (-one.share, one.distance)), errors
 
 
-def _found(card: Card, match: Match) -> Found:
+def _found(card: Card, match: Match, target: IOSpec) -> Found:
     assert match.pairing is not None
-    shares, pairing = coverage(match, card.source), match.pairing
-    return Found(card.id, card.source.env_id, *shares, match.hold, match.copies, round(pairing.length, 4), pairing.forces)
+    (inputs, actions), pairing = coverage(match, card.source), match.pairing
+    return Found(
+        core=card.id,
+        source=card.source.env_id,
+        inputs=inputs,
+        actions=actions,
+        hold=match.hold,
+        copies=match.copies,
+        length=round(pairing.length, 4),
+        forces=pairing.forces,
+        distance=round(distance(card.source, target), 4),
+    )
 
 
 def play_found(

@@ -1,0 +1,70 @@
+"""What a match leaves out, on either side, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from transferkit.matching.align import hindrance
+from transferkit.matching.match import FORMLESS
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator, Sequence
+
+    from transferkit.matching.match import Match
+    from transferkit.spec import Element, IOSpec, Joint
+
+Kind = Literal["joint", "core input", "target joint", "action"]
+
+
+@dataclass(frozen=True)
+class Unmatched:
+    """What stands for nothing of the other side."""
+
+    kind: Kind
+    """A joint of the core's robot, an input of the core, or a joint or an action of the target."""
+    name: str
+    why: str
+    copy: int = 1
+    """From 1: the copy of the core whose joint or input it is."""
+
+
+def unmatched(match: Match, source: IOSpec, target: IOSpec) -> list[Unmatched]:
+    """List what is not matched: of each copy of the core its joints and inputs, then the target's joints and actions."""
+    found: list[Unmatched] = []
+    copies = () if match.pairing is None else match.pairing.copies
+    read = {name for copy in copies for reads in copy.joints.values() for name in reads}
+    for k in range(match.copies):
+        joints = copies[k].joints if copies else None
+        if joints is not None:
+            found += [Unmatched("joint", *one, k + 1) for one in _left_out(source.joints, joints, target.joints, read)]
+        forms = match.form[k * source.obs_dim :][: source.obs_dim]
+        inputs = [element for element, form in zip(source.observation, forms, strict=True) if form == "none"]
+        found += [Unmatched("core input", element.name, _why(element, joints), k + 1) for element in inputs]
+    if copies:
+        stand = {name for copy in copies for name in copy.joints}
+        found += [Unmatched("target joint", *one) for one in _left_out(target.joints, read, source.joints, stand)]
+    idle = [actuator.name for actuator, row in zip(target.action, match.action_weight, strict=True) if not any(row)]
+    return [*found, *(Unmatched("action", name, "nothing of the core drives it") for name in idle)]
+
+
+def _left_out(
+    joints: Sequence[Joint], matched: Collection[str], others: Sequence[Joint], taken: Collection[str]
+) -> Iterator[tuple[str, str]]:
+    """Joints of one robot that are not matched, each with the reason, where some of the other robot's are taken."""
+    free = [other for other in others if other.name not in taken]
+    for joint in joints:
+        if joint.name not in matched:
+            held = "what could stand for it stands for another" if hindrance(joint, free) else "to leave it out costs less"
+            yield joint.name, f"nothing like it is left ({hindrance(joint, others) or held})"
+
+
+def _why(element: Element, joints: Collection[str] | None) -> str:
+    """Why nothing of the target means an element."""
+    if joints is None:
+        return "the target has none in its place"
+    if element.quantity in FORMLESS:
+        return f"{element.quantity}, which is the same only in the same mechanism"
+    if missing := [name for name in element.joints if name not in joints]:
+        return f"nothing is matched with {', '.join(missing)}"
+    return "the target does not observe it"
