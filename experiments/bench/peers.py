@@ -1,7 +1,6 @@
 """Other libraries' learners at our settings, each as a call that does a fixed amount of work.
 
-stable-baselines3 and rsl_rl are installed with the rest. SBX (`pip install -e ".[bench]"`) and mbrl-lib (`pip install --no-deps
-mbrl hydra-core omegaconf antlr4-python3-runtime==4.9.3`) are compared with if they are there.
+stable-baselines3 and rsl_rl are installed with the rest. SBX and mbrl-lib are compared with if they are there.
 """
 
 from __future__ import annotations
@@ -34,10 +33,20 @@ if TYPE_CHECKING:
 Call = Callable[[], object]
 
 
+HOW_TO_GET = {
+    "sbx": 'pip install -e ".[bench]"',
+    "mbrl": "pip install --no-deps mbrl hydra-core omegaconf antlr4-python3-runtime==4.9.3",
+}
+
+
 def optional(name: str) -> ModuleType | None:
-    """Import a module that need not be there; JAX on one thread."""
+    """Import a module that need not be there, or say how to get it; JAX on one thread."""
     os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1")
-    return importlib.import_module(name) if importlib.util.find_spec(name.partition(".")[0]) else None
+    package = name.partition(".")[0]
+    if importlib.util.find_spec(package):
+        return importlib.import_module(name)
+    print(f"{package} is not installed, and is left out: {HOW_TO_GET[package]}", flush=True)
+    return None
 
 
 def td3_updates(env: str, width: int, batch: int, updates: int) -> Call:

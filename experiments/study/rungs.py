@@ -15,7 +15,7 @@ from experiments.study.cells import difference, short, whole
 from transferkit import stats
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from experiments.matrix.table import Row
     from experiments.report.comparisons import Group
@@ -29,21 +29,23 @@ HEADER = (
 )
 
 
-def rungs(study: Study, trainers: Sequence[str] = ()) -> list[list[str]]:
+def rungs(study: Study, trainers: Sequence[str] = (), thresholds: Mapping[str, float] | None = None) -> list[list[str]]:
     """Every comparison with a core, rung by rung; of these trainers, or of all.
 
     Differences are core minus scratch; that of areas has the interval that decides, for four comparisons. The *learner* is
     the mean return of the last 50 training episodes, with noise, also of runs for which the untrained core stands in:
     *stood in* is the share of evaluations that it played. *Steps saved* is how many times as many steps scratch needs to a
-    threshold, by medians, with the bootstrap's interval over seeds. The threshold is halfway from scratch, its mean start
-    or end, whichever is higher, to the core's mean end above it.
+    threshold, by medians, with the bootstrap's interval over seeds. `thresholds` has those that were stated for targets before
+    the runs. Another target's is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end
+    above it.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
-    return [[*HEADER, "verdict"], *([*_cells(study, group), _verdict(group)] for group in groups)]
+    stated = thresholds or {}
+    return [[*HEADER, "verdict"], *([*_cells(study, group, stated.get(group.target)), _verdict(group)] for group in groups)]
 
 
-def _cells(study: Study, group: Group) -> list[str]:
+def _cells(study: Study, group: Group, threshold: float | None) -> list[str]:
     area, first, end = (_pair(group.measured(name)) for name in ("area", "first_return_mean", "eval_return_mean"))
     nothing = [row.eval_return_mean for row in study.rows if (row.target, row.arm) == (group.target, ZERO_ACTION)]
     learner = [row.last_50_mean for row in group.arms[TRANSFER].rows if math.isfinite(row.last_50_mean)]
@@ -52,7 +54,7 @@ def _cells(study: Study, group: Group) -> list[str]:
     known = ["-" if spent is None else f"{spent:,.0f}", _mean(nothing)]
     differences = difference(group.verdict.primary.get(SCRATCH)), difference(group.verdict.scratch)
     start = [group.rung, name, group.trainer, *known, area, differences[0], first, end, differences[1]]
-    saved = "-" if group.verdict.kind == REFUSED else _saved(study, group)
+    saved = "-" if group.verdict.kind == REFUSED else _saved(study, group, threshold)
     stood_in = core_share(group)
     return [*start, "-" if stood_in is None else f"{stood_in:.0%}", _mean(learner), _worse(group), saved]
 
@@ -72,12 +74,13 @@ def _worse(group: Group) -> str:
     return f"{np.mean(core < np.nanquantile(ends[SCRATCH], 0.25)):.0%}"
 
 
-def _saved(study: Study, group: Group) -> str:
+def _saved(study: Study, group: Group, threshold: float | None) -> str:
     """The data-efficiency multiplier; scratch's runs that never get there count with all of their steps, so it is more."""
-    alone = max(float(np.nanmean(group.measured(name)[SCRATCH])) for name in ("first_return_mean", "eval_return_mean"))
-    threshold = (alone + float(np.nanmean(group.scores[TRANSFER]))) / 2
-    if threshold <= alone:
-        return "-"
+    if threshold is None:
+        alone = max(float(np.nanmean(group.measured(name)[SCRATCH])) for name in ("first_return_mean", "eval_return_mean"))
+        threshold = (alone + float(np.nanmean(group.scores[TRANSFER]))) / 2
+        if threshold <= alone:
+            return "-"
     core, needed = (_needed(study, group, name, threshold) for name in (TRANSFER, SCRATCH))
     paired = ~(np.isnan(core).any(axis=0) | np.isnan(needed).any(axis=0))
     core, needed = core[:, paired], needed[0, paired]

@@ -31,6 +31,8 @@ def test_a_rung_by_hand():
     assert told["below scratch's lower quartile"] == "0%"
     assert told["steps saved"] == "> 2 (2 to 2) to 75"  # 1000 against more than 2000
     assert told["verdict"] == "transfer"
+    _, line = rungs(SimpleNamespace(rows=rows, groups=compare(rows), curves=curves), thresholds={"Walker2d-v5": 25.0})
+    assert dict(zip(header, line, strict=True))["steps saved"] == "1 (1 to 1) to 25"  # stated before: both after 1000
     some = [row for row in rows if (row.arm, row.seed) not in (("transfer", 0), ("scratch", 5))]
     _, line = rungs(SimpleNamespace(rows=some, groups=compare(some), curves=curves))
     told = dict(zip(header, line, strict=True))
