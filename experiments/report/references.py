@@ -17,7 +17,7 @@ BEST = {
 
 
 def best(target: str, seen: float) -> tuple[float, str]:
-    """The upper reference and where it comes from, of a changed robot that of its own; the best run seen if nothing is known."""
+    """The upper reference and where it comes from, for a changed robot its own; the best run seen if nothing is known."""
     if target.startswith("dm_control/"):
         return DM_CONTROL, "the suite's maximum"
     if (known := BEST.get(EnvId.read(target).id)) is not None:

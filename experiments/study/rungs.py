@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 HEADER = (
     *("rung", "core on target", "trainer", "source steps", "doing nothing", "area: core, scratch", "difference, as judged"),
     *("first: core, scratch", "end: core, scratch", "difference", "stood in", "learner around the core"),
-    *("below scratch's lower quartile", "steps saved"),
+    *("below scratch's lower quartile", "below the untrained core", "steps saved"),
 )
 
 
@@ -34,10 +34,10 @@ def rungs(study: Study, trainers: Sequence[str] = (), thresholds: Mapping[str, f
 
     Differences are core minus scratch; that of areas has the interval that decides, for four comparisons. The *learner* is
     the mean return of the last 50 training episodes, with noise, also of runs for which the untrained core stands in:
-    *stood in* is the share of evaluations that it played. *Steps saved* is how many times as many steps scratch needs to a
-    threshold, by medians, with the bootstrap's interval over seeds. `thresholds` has those that were stated for targets before
-    the runs. Another target's is halfway from scratch, its mean start or end, whichever is higher, to the core's mean end
-    above it.
+    *stood in* is the share of evaluations that it played, from the first on in runs of a trusted core. *Steps saved* is how
+    many times as many steps scratch needs to a threshold, by medians, with the bootstrap's interval over seeds.
+    `thresholds` has those that were stated for targets before the runs. Another target's is halfway from scratch, its mean
+    start or end, whichever is higher, to the core's mean end above it.
     """
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
@@ -56,7 +56,14 @@ def _cells(study: Study, group: Group, threshold: float | None) -> list[str]:
     start = [group.rung, name, group.trainer, *known, area, differences[0], first, end, differences[1]]
     saved = "-" if group.verdict.kind == REFUSED else _saved(study, group, threshold)
     stood_in = core_share(group)
-    return [*start, "-" if stood_in is None else f"{stood_in:.0%}", _mean(learner), _worse(group), saved]
+    return [
+        *start,
+        "-" if stood_in is None else f"{stood_in:.0%}",
+        _mean(learner),
+        _worse(group),
+        _forgotten(study, group),
+        saved,
+    ]
 
 
 def _mean(values: Sequence[float]) -> str:
@@ -72,6 +79,17 @@ def _worse(group: Group) -> str:
     ends = group.scores
     core = ends[TRANSFER][~np.isnan(ends[TRANSFER])]
     return f"{np.mean(core < np.nanquantile(ends[SCRATCH], 0.25)):.0%}"
+
+
+def _forgotten(study: Study, group: Group) -> str:
+    """Share of the runs around a trusted core that end below what it had untrained, by more than both evaluations' noise.
+
+    That is two standard errors of the difference, by the last evaluation's deviation.
+    """
+    begun = [row for row in group.arms[TRANSFER].rows if row.id in study.curves and study.curves[row.id][0].get("core")]
+    noise = [2 * row.eval_return_std * math.sqrt(2 / row.eval_episodes) for row in begun]
+    below = [row.eval_return_mean < row.first_return_mean - one for row, one in zip(begun, noise, strict=True)]
+    return f"{np.mean(below):.0%}" if below else "-"
 
 
 def _saved(study: Study, group: Group, threshold: float | None) -> str:

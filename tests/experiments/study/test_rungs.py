@@ -22,7 +22,10 @@ def test_a_rung_by_hand():
     arms = ("random", "random-matched", "shuffled")
     made += [run(arm, "hopper-v1", 0, seed, [0.0, 0.0, float(seed)]) for arm in arms for seed in seeds]
     rows = [row for row, _ in made]
-    curves = {row.id: [{"steps": 1000.0 * k, "return_mean": one} for k, one in enumerate(points)] for row, points in made}
+    curves = {
+        row.id: [{"steps": 1000.0 * k, "return_mean": one, "core": row.arm == "transfer"} for k, one in enumerate(points)]
+        for row, points in made
+    }
     header, line = rungs(SimpleNamespace(rows=rows, groups=compare(rows), curves=curves))
     told = dict(zip(header, line, strict=True))
     assert (told["rung"], told["core on target"]) == ("7", "`hopper-v1` on Walker2d-v5")
@@ -33,6 +36,14 @@ def test_a_rung_by_hand():
     assert told["verdict"] == "transfer"
     _, line = rungs(SimpleNamespace(rows=rows, groups=compare(rows), curves=curves), thresholds={"Walker2d-v5": 25.0})
     assert dict(zip(header, line, strict=True))["steps saved"] == "1 (1 to 1) to 25"  # stated before: both after 1000
+    assert told["below the untrained core"] == "0%"
+    starts = {0: 200.0, 1: 105.0}  # seed 0 ends at 100, and seed 1 at 101 with a noise of 2 sqrt(2 / 5) 10 = 12.6
+    begun = [
+        replace(row, first_return_mean=starts.get(row.seed, 0.0), eval_return_std=10.0) if row.arm == "transfer" else row
+        for row in rows
+    ]
+    _, line = rungs(SimpleNamespace(rows=begun, groups=compare(begun), curves=curves))
+    assert dict(zip(header, line, strict=True))["below the untrained core"] == "17%"
     some = [row for row in rows if (row.arm, row.seed) not in (("transfer", 0), ("scratch", 5))]
     _, line = rungs(SimpleNamespace(rows=some, groups=compare(some), curves=curves))
     told = dict(zip(header, line, strict=True))
