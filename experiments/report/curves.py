@@ -34,7 +34,10 @@ Key = tuple[int, int]
 WINDOWS = {"50-episode mean": 50, "each episode": 1}
 """The paper's smoothing, and none."""
 
-EVALUATIONS = "evaluations"
+EVALUATIONS, CORE_PLAYS = "evaluations", "share of runs that the untrained core plays"
+KINDS = (*WINDOWS, EVALUATIONS, CORE_PLAYS)
+"""What is drawn over time; the last two need evaluations during training."""
+
 AXES = ("episodes", "steps")
 
 Array = NDArray[np.float64]
@@ -42,12 +45,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Curve:
-    """Interquartile mean over runs with its pointwise 95 % interval, up to the end of the first of them; each `(points,)`."""
+    """Interquartile mean over runs with its pointwise 95 % interval, up to the end of the first of them; each `(points,)`.
+
+    Of what is a share already, the mean.
+    """
 
     n: int
     """Runs."""
     x: Array
-    iqm: Array
+    middle: Array
     low: Array
     high: Array
 
@@ -84,13 +90,16 @@ class Arm:
         """For every run that is here and was evaluated more than once, those evaluations."""
         tables = {_key(row): columns(run, EvaluationRow) for row, run in self._kept if row.steps}
         return {
-            key: {"returns": t["return_mean"], "episodes": t["episodes"], "steps": t["steps"]}
+            key: {"returns": t["return_mean"], "core": t["core"], "episodes": t["episodes"], "steps": t["steps"]}
             for key, t in tables.items()
             if len(t["steps"]) > 1
         }
 
     def curve(self, kind: str, axis: str) -> Curve | None:
-        """Training returns smoothed over a window, or evaluations, on the axis of episodes or of environment steps."""
+        """Training returns smoothed over a window, or one of evaluations, on the axis of episodes or of environment steps.
+
+        The share of runs that the untrained core plays is none if it plays in no run.
+        """
         return _curve(self, kind, axis)
 
     @property
@@ -104,16 +113,19 @@ class Arm:
 
 @functools.cache
 def _curve(arm: Arm, kind: str, axis: str) -> Curve | None:
-    grid = _crossed(arm.evaluations if kind == EVALUATIONS else arm.episodes)
+    grid = _crossed(arm.episodes if kind in WINDOWS else arm.evaluations)
     runs = [run for row in grid for run in row]
+    if kind == CORE_PLAYS and not any(run["core"].any() for run in runs):
+        return None
+    values_of, statistic = ("core", np.mean) if kind == CORE_PLAYS else ("returns", stats.iqm)
     start, end = max((run[axis][0] for run in runs), default=0), min((run[axis][-1] for run in runs), default=0)
     if start >= end:
         return None
     x = np.linspace(start, end, POINTS)
     window = WINDOWS.get(kind, 1)
-    values = np.array([[np.interp(x, run[axis], running_mean(run["returns"], window)) for run in row] for row in grid])
-    low, high = stats.crossed_band(values, stats.iqm, resamples=RESAMPLES)
-    return Curve(len(runs), x, stats.iqm(values.reshape(-1, POINTS), axis=0), low, high)
+    values = np.array([[np.interp(x, run[axis], running_mean(run[values_of], window)) for run in row] for row in grid])
+    low, high = stats.crossed_band(values, statistic, resamples=RESAMPLES)
+    return Curve(len(runs), x, statistic(values.reshape(-1, POINTS), axis=0), low, high)
 
 
 def running_mean(values: Array, window: int) -> Array:

@@ -75,7 +75,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Figure:
                 continue
             colour = COLOURS[k % len(COLOURS)]
             style = DASHES[k // len(COLOURS) % len(DASHES)]
-            axis.plot(curve.x, curve.iqm, style, color=colour, label=verbatim(f"{label} (n {curve.n})"))
+            axis.plot(curve.x, curve.middle, style, color=colour, label=verbatim(f"{label} (n {curve.n})"))
             axis.fill_between(curve.x, curve.low, curve.high, color=colour, alpha=0.15, linewidth=0)
         _limit(axis, list(curves.values()))
         if ZERO_ACTION in groups[0].arms:
@@ -92,7 +92,7 @@ def _learning_curves(target: str, groups: Sequence[Group]) -> Figure:
 def _limit(axis: Axes, curves: Sequence[Curve]) -> None:
     """Cut bands if they go further from the lines than these do from each other: one diverged run would hide all others."""
     if curves:
-        lowest, highest = min(curve.iqm.min() for curve in curves), max(curve.iqm.max() for curve in curves)
+        lowest, highest = min(curve.middle.min() for curve in curves), max(curve.middle.max() for curve in curves)
         reach = highest - lowest or 1.0
         low, high = min(curve.low.min() for curve in curves), max(curve.high.max() for curve in curves)
         axis.set_ylim(max(low, lowest - reach) - 0.05 * reach, min(high, highest + reach) + 0.05 * reach)

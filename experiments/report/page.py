@@ -13,7 +13,7 @@ import jinja2
 from plotly.offline import get_plotlyjs
 
 from experiments.matrix.arms import UNTRAINED
-from experiments.report.curves import AXES, EVALUATIONS, WINDOWS
+from experiments.report.curves import AXES, KINDS
 from experiments.report.tables import aggregate_rows, arm_rows, curve_rows, paper_rows, verdict_rows
 from experiments.report.verdict import HARMFUL, NONE, POSITIVE, REFUSED
 from transferkit.files import write_atomically
@@ -35,7 +35,7 @@ SIGNS = {POSITIVE: "+", HARMFUL: "-", REFUSED: "⊘", NONE: "○"}
 def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path], out: Path) -> None:
     """Write the page."""
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters |= {"num": number, "sign": sign, "found": difference}
+    environment.filters |= {"num": number, "sign": sign, "found": difference, "supported": supported, "ends": ends}
     ids = {id(group): f"cell-{k}" for k, group in enumerate(matrix.groups)}
     curves: dict[str, Any] = {}
     page = environment.from_string(TEMPLATE.read_text()).render(
@@ -54,7 +54,7 @@ def write_page(matrix: Matrix, pictures: Sequence[Path], tables: Sequence[Path],
         heat=[heat_map(matrix, trainer, ids) for trainer in dict.fromkeys(g.trainer for g in matrix.groups if g.core)],
         cells={ids[id(group)]: cell_data(group, curves) for group in matrix.groups},
         curves=curves,
-        kinds=[*WINDOWS, EVALUATIONS],
+        kinds=KINDS,
         pictures=[(path.stem, base64.b64encode(path.read_bytes()).decode()) for path in pictures],
         tables=[path.name for path in tables],
         budgets=sorted({budget(row) for row in matrix.rows if row.arm not in UNTRAINED}),
@@ -104,9 +104,7 @@ def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:
         key = f"{group.trainer}|{group.target}|{name}|{min(row.core for row in (*arm.rows, *arm.failed))}"
         if key not in curves:
             curves[key] = (
-                {}
-                if name in UNTRAINED
-                else {f"{kind}|{axis}": _curve(arm, kind, axis) for kind in (*WINDOWS, EVALUATIONS) for axis in AXES}
+                {} if name in UNTRAINED else {f"{kind}|{axis}": _curve(arm, kind, axis) for kind in KINDS for axis in AXES}
             )
         seeds = [[f"member {row.member}, seed {row.seed}", _short(row.eval_return_mean)] for row in arm.rows]
         arms.append({"name": name, "curve": key, "seeds": seeds})
@@ -115,9 +113,9 @@ def cell_data(group: Group, curves: dict[str, Any]) -> dict[str, Any]:
 
 def _curve(arm: Arm, kind: str, axis: str) -> list[list[float]] | None:
     curve = arm.curve(kind, axis)
-    return (
-        None if curve is None else [[_short(value) for value in line] for line in (curve.x, curve.iqm, curve.low, curve.high)]
-    )
+    if curve is None:
+        return None
+    return [[_short(value) for value in line] for line in (curve.x, curve.middle, curve.low, curve.high)]
 
 
 def budget(row: Row) -> str:
@@ -128,14 +126,27 @@ def budget(row: Row) -> str:
 
 
 def difference(mean: float | None, low: float | None, high: float | None) -> str:
-    """A difference with the digits that its interval supports: two of half its width."""
-    if mean is None or low is None or high is None:
-        return ""
+    """A difference, with its sign; empty without an interval."""
+    return "" if mean is None or low is None or high is None else _rounded(mean, low, high, "+")
+
+
+def supported(value: float | None, low: float | None, high: float | None) -> str:
+    """A number with the digits that its interval supports."""
+    return number(value) if value is None or low is None or high is None else _rounded(value, low, high)
+
+
+def ends(low: float | None, high: float | None) -> str:
+    """An interval; empty if there is none."""
+    return "" if low is None or high is None else f"{_rounded(low, low, high)} to {_rounded(high, low, high)}"
+
+
+def _rounded(value: float, low: float, high: float, sign: str = "") -> str:
+    """A number to two digits of half the width of its interval."""
     half = (high - low) / 2
-    if not math.isfinite(half) or half <= 0:
-        return f"{mean:+.4g}"
+    if not math.isfinite(half) or half <= 0 or not math.isfinite(value):
+        return f"{value:{sign}.4g}"
     decimals = 1 - math.floor(math.log10(half))
-    return f"{round(mean, decimals):+.{max(decimals, 0)}f}"
+    return f"{round(value, decimals):{sign}.{max(decimals, 0)}f}"
 
 
 def number(value: object, infinite: str = "∞") -> str:

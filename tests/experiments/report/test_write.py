@@ -12,6 +12,7 @@ from playwright.sync_api import sync_playwright
 
 from experiments.matrix.results import KNOWN
 from experiments.report.__main__ import main
+from experiments.report.page import difference, ends, supported
 from experiments.report.write import report
 
 
@@ -123,3 +124,9 @@ def test_what_cannot_be_reported_is_one_line(results, tmp_path, capsys):
         error = capsys.readouterr().err
         assert error.startswith(f"error: {message}")
         assert error.count("\n") == 1
+
+
+def test_a_number_has_the_digits_that_its_interval_supports():
+    assert (supported(1234.567, 1100.0, 1370.0), ends(1100.4, 1370.4)) == ("1230", "1100 to 1370")  # give or take 135
+    assert (supported(0.98765, 0.97, 1.01), difference(0.98765, 0.97, 1.01)) == ("0.988", "+0.988")
+    assert (supported(0.5, None, None), supported(2.0, 2.0, 2.0), ends(None, None)) == ("0.5", "2", "")
