@@ -18,7 +18,7 @@ BENCHES = {
     "dyna": "DYNA-DDPG's updates and steps against stable-baselines3, SBX and their matrix products alone",
     "model": "the learnt model against mbrl-lib",
     "record": "recording against evaluation, and reading back",
-    "probe": "deriving what the numbers of every environment mean",
+    "probe": "deriving what the numbers of every environment mean, and wrapping a core",
     "report": "the report of 1,000 runs",
     "matrix": "a matrix on one worker and on two",
     "paper": "the paper presets, and the default presets against the paper's best scores",

@@ -4,6 +4,7 @@ from transferkit.matching.align import distance
 from transferkit.matching.earlier import earlier_match
 from transferkit.matching.explain import coverage, explain
 from transferkit.matching.files import as_plain, check_match, load_match, save_match
+from transferkit.matching.limits import Limit, limits
 from transferkit.matching.make import find_pairing, match_for
 from transferkit.matching.match import Match, angle_pairs, compiled, padded
 from transferkit.matching.pair import pair
@@ -15,6 +16,7 @@ __all__ = [
     "Copy",
     "Forces",
     "Limbs",
+    "Limit",
     "Match",
     "Pairing",
     "Unmatched",
@@ -27,6 +29,7 @@ __all__ = [
     "earlier_match",
     "explain",
     "find_pairing",
+    "limits",
     "load_match",
     "match_for",
     "padded",

@@ -1,0 +1,58 @@
+"""What a target cannot do of what a core's robot does: angles that its joints do not reach, torques that it does not have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from transferkit.matching.match import Match
+    from transferkit.pairing import Combination
+    from transferkit.spec import IOSpec, Joint
+
+ENOUGH = 0.7
+"""Share from which nothing is said."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Of what a joint of the core's robot, or an action of the target, is matched with, only a share can be done."""
+
+    kind: Literal["joint", "action"]
+    name: str
+    share: float
+    """Of the joint's range what the target's joints reach; of the largest force that is asked for what the actuator has."""
+    copy: int = 1
+    """From 1: the copy of the core whose joint it is."""
+
+
+def limits(match: Match, source: IOSpec, target: IOSpec) -> list[Limit]:
+    """List what the target can do little of."""
+    found, others = list[Limit](), {joint.name: joint for joint in target.joints}
+    for k, copy in enumerate(() if match.pairing is None else match.pairing.copies):
+        for joint in source.joints:
+            share = _reached(joint, copy.joints.get(joint.name, {}), others, copy.shift.get(joint.name, 0.0))
+            found.append(Limit("joint", joint.name, round(share, 4), k + 1))
+    for actuator, row in zip(target.action, match.action_weight, strict=True):
+        found.append(Limit("action", actuator.name, round(1 / max(1.0, sum(map(abs, row))), 4)))
+    return [limit for limit in found if limit.share < ENOUGH]
+
+
+def _reached(joint: Joint, reads: Combination, others: Mapping[str, Joint], shift: float) -> float:
+    """The share of a hinge's range that what it reads can take; 1 if that is not limited."""
+    own = _way(joint)
+    ways = [(factor, way) for name, factor in reads.items() if (way := _way(others[name]))]
+    if joint.type != "hinge" or own is None or not ways or len(ways) < len(reads):
+        return 1.0
+    ends = [sorted((factor * way[0], factor * way[1])) for factor, way in ways]
+    low, high = (sum(end[side] for end in ends) + shift for side in (0, 1))
+    return max(0.0, min(high, own[1]) - max(low, own[0])) / (own[1] - own[0])
+
+
+def _way(joint: Joint) -> tuple[float, float] | None:
+    """The range of a joint, from its reference pose; None if it is not limited."""
+    if joint.range is None or joint.range[0] >= joint.range[1]:
+        return None
+    return joint.range[0] - joint.reference, joint.range[1] - joint.reference
