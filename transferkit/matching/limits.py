@@ -33,22 +33,28 @@ def limits(match: Match, source: IOSpec, target: IOSpec) -> list[Limit]:
     found, others = list[Limit](), {joint.name: joint for joint in target.joints}
     for k, copy in enumerate(() if match.pairing is None else match.pairing.copies):
         for joint in source.joints:
-            share = _reached(joint, copy.joints.get(joint.name, {}), others, copy.shift.get(joint.name, 0.0))
-            found.append(Limit("joint", joint.name, round(share, 4), k + 1))
+            ways = reach(joint, copy.joints.get(joint.name, {}), others, copy.shift.get(joint.name, 0.0))
+            found.append(Limit("joint", joint.name, round(_reached(joint, ways), 4), k + 1))
     for actuator, row in zip(target.action, match.action_weight, strict=True):
         found.append(Limit("action", actuator.name, round(1 / max(1.0, sum(map(abs, row))), 4)))
     return [limit for limit in found if limit.share < ENOUGH]
 
 
-def _reached(joint: Joint, reads: Combination, others: Mapping[str, Joint], shift: float) -> float:
-    """The share of a hinge's range that what it reads can take; 1 if that is not limited."""
-    own = _way(joint)
+def reach(joint: Joint, reads: Combination, others: Mapping[str, Joint], shift: float = 0.0) -> tuple[float, float] | None:
+    """The angles, from a hinge's reference pose, that what it reads can take; None if either is not limited."""
     ways = [(factor, way) for name, factor in reads.items() if (way := _way(others[name]))]
-    if joint.type != "hinge" or own is None or not ways or len(ways) < len(reads):
-        return 1.0
+    if joint.type != "hinge" or _way(joint) is None or not ways or len(ways) < len(reads):
+        return None
     ends = [sorted((factor * way[0], factor * way[1])) for factor, way in ways]
-    low, high = (sum(end[side] for end in ends) + shift for side in (0, 1))
-    return max(0.0, min(high, own[1]) - max(low, own[0])) / (own[1] - own[0])
+    return sum(end[0] for end in ends) + shift, sum(end[1] for end in ends) + shift
+
+
+def _reached(joint: Joint, found: tuple[float, float] | None) -> float:
+    """The share of a hinge's range that can be reached."""
+    own = _way(joint)
+    if own is None or found is None:
+        return 1.0
+    return max(0.0, min(found[1], own[1]) - max(found[0], own[0])) / (own[1] - own[0])
 
 
 def _way(joint: Joint) -> tuple[float, float] | None:
