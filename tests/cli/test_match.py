@@ -39,7 +39,8 @@ def test_nothing_that_crosses_is_said(capsys):
 def test_cores_are_found_by_how_much_of_them_there_is(capsys):
     rows = run_json(capsys, "zoo", "find", "InvertedPendulum-v5", "--play")
     assert [row["inputs"] * row["actions"] for row in rows] == sorted((r["inputs"] * r["actions"] for r in rows), reverse=True)
-    assert run_json(capsys, "zoo", "find", "dm_control/hopper-stand-v0")[0]["core"] == "hopper-v1"
+    walker = [row["core"] for row in run_json(capsys, "zoo", "find", "Walker2d-v5")]
+    assert walker[:3] == ["walker2d-v1", "hopper-v1", "walker-walk-v1"]  # the suite's walker swings its hips the other way
     own = next(row for row in rows if row["core"] == CORE)
     assert (own["source"], own["inputs"], own["returns"]) == ("InvertedPendulum-v5", 1.0, [1000.0] * 5)
 

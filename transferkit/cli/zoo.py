@@ -78,10 +78,11 @@ def _find(options: argparse.Namespace) -> Answer:
     _say_errors(errors)
     if not found:
         return Answer([], f"nothing crosses: {env} represents no input and action of any core")
-    header = ["id", "source", "inputs", "actions", "hold", "limbs", "distance"]
+    header = ["id", "source", "inputs", "actions", "hold", "limbs", "ranges", "distance"]
+    shares = [[f"{share:.0%}" for share in (one.inputs, one.actions, one.reach)] for one in found]
     table = [
-        [one.core, one.source, f"{one.inputs:.0%}", f"{one.actions:.0%}", one.hold, one.copies, f"{one.distance:.2f}"]
-        for one in found
+        [one.core, one.source, inputs, actions, one.hold, one.copies, ranges, f"{one.distance:.2f}"]
+        for one, (inputs, actions, ranges) in zip(found, shares, strict=True)
     ]
     data = [asdict(one) for one in found]
     if options.play:

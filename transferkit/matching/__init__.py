@@ -4,7 +4,7 @@ from transferkit.matching.align import distance
 from transferkit.matching.earlier import earlier_match
 from transferkit.matching.explain import coverage, explain
 from transferkit.matching.files import as_plain, check_match, load_match, save_match
-from transferkit.matching.limits import Limit, limits, reach
+from transferkit.matching.limits import Limit, limits, mean_reach, reach
 from transferkit.matching.make import find_pairing, match_for
 from transferkit.matching.match import Match, angle_pairs, compiled, padded
 from transferkit.matching.pair import pair
@@ -32,6 +32,7 @@ __all__ = [
     "limits",
     "load_match",
     "match_for",
+    "mean_reach",
     "padded",
     "pair",
     "reach",

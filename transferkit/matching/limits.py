@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from transferkit.matching.match import Match
     from transferkit.pairing import Combination
@@ -30,14 +30,27 @@ class Limit:
 
 def limits(match: Match, source: IOSpec, target: IOSpec) -> list[Limit]:
     """List what the target can do little of."""
-    found, others = list[Limit](), {joint.name: joint for joint in target.joints}
-    for k, copy in enumerate(() if match.pairing is None else match.pairing.copies):
-        for joint in source.joints:
-            ways = reach(joint, copy.joints.get(joint.name, {}), others, copy.shift.get(joint.name, 0.0))
-            found.append(Limit("joint", joint.name, round(_reached(joint, ways), 4), k + 1))
+    found = [*_joints(match, source, target)]
     for actuator, row in zip(target.action, match.action_weight, strict=True):
         found.append(Limit("action", actuator.name, round(1 / max(1.0, sum(map(abs, row))), 4)))
     return [limit for limit in found if limit.share < ENOUGH]
+
+
+def mean_reach(match: Match, source: IOSpec, target: IOSpec) -> float:
+    """The mean share of the ranges of the core's hinges that the target's reach; 1 if none are limited."""
+    shares = [one.share for one in _joints(match, source, target)]
+    return sum(shares) / len(shares) if shares else 1.0
+
+
+def _joints(match: Match, source: IOSpec, target: IOSpec) -> Iterator[Limit]:
+    """Every hinge that is matched with what is limited as it is itself, in each copy of the core."""
+    others = {joint.name: joint for joint in target.joints}
+    for k, copy in enumerate(() if match.pairing is None else match.pairing.copies):
+        for joint in source.joints:
+            own, ways = _way(joint), reach(joint, copy.joints.get(joint.name, {}), others, copy.shift.get(joint.name, 0.0))
+            if own is not None and ways is not None:
+                common = max(0.0, min(ways[1], own[1]) - max(ways[0], own[0]))
+                yield Limit("joint", joint.name, round(common / (own[1] - own[0]), 4), k + 1)
 
 
 def reach(joint: Joint, reads: Combination, others: Mapping[str, Joint], shift: float = 0.0) -> tuple[float, float] | None:
@@ -47,14 +60,6 @@ def reach(joint: Joint, reads: Combination, others: Mapping[str, Joint], shift: 
         return None
     ends = [sorted((factor * way[0], factor * way[1])) for factor, way in ways]
     return sum(end[0] for end in ends) + shift, sum(end[1] for end in ends) + shift
-
-
-def _reached(joint: Joint, found: tuple[float, float] | None) -> float:
-    """The share of a hinge's range that can be reached."""
-    own = _way(joint)
-    if own is None or found is None:
-        return 1.0
-    return max(0.0, min(found[1], own[1]) - max(found[0], own[0])) / (own[1] - own[0])
 
 
 def _way(joint: Joint) -> tuple[float, float] | None:

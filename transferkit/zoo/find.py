@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from transferkit.envs import derive_spec
 from transferkit.errors import ConfigError, TransferkitError
 from transferkit.evaluation import ZeroPolicy, evaluate
-from transferkit.matching import compiled, coverage, distance
+from transferkit.matching import compiled, coverage, distance, mean_reach
 from transferkit.policy.make import wrap
 from transferkit.policy.matches import match as pairing_of
 from transferkit.zoo.artifact import load_core
@@ -44,6 +44,8 @@ class Found:
     """Lengths of its robot over those of the environment's."""
     forces: str
     """What its actions keep."""
+    reach: float
+    """Share of the ranges of its joints that those of the environment reach, in the mean."""
     distance: float
     """How far apart the two mechanisms are: 0 if they are one, 1 if no joint of either stands for one of the other."""
 
@@ -67,7 +69,9 @@ class Played:
 
 
 def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
-    """Rank the cores of the zoo by how much of them an environment can represent, then by how near their robots are.
+    """Rank the cores of the zoo by how much of them an environment can represent.
+
+    First by inputs and actions, then by the ranges of joints, then by how near the robots are.
 
     Returns those of which anything can be, and what is wrong with cards that cannot be read or matched.
 
@@ -85,7 +89,7 @@ def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
             continue
         if match.holds:
             found.append(_found(card, match, target))
-    return sorted(found, key=lambda one: (-one.share, one.distance)), errors
+    return sorted(found, key=lambda one: (-one.share, -one.reach, one.distance)), errors
 
 
 def _found(card: Card, match: Match, target: IOSpec) -> Found:
@@ -100,6 +104,7 @@ def _found(card: Card, match: Match, target: IOSpec) -> Found:
         copies=match.copies,
         length=round(pairing.length, 4),
         forces=pairing.forces,
+        reach=round(mean_reach(match, card.source, target), 4),
         distance=round(distance(card.source, target), 4),
     )
 
