@@ -1,4 +1,4 @@
-"""What keeps a core from a target: its own robot, with what the target's has instead put in, one by one, and never trained.
+"""Put what a target has into a core's own robot, one thing at a time, and play the core untrained: what keeps it from crossing.
 
 `python -m experiments.swaps hopper-v1 dm_control/hopper-stand-v0` takes what a match says that the target can do little of, and
 the friction of its floor and feet.
@@ -7,15 +7,16 @@ the friction of its floor and feet.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
 from transferkit import load_core, wrap
 from transferkit.cli.answer import Parser
 from transferkit.cli.endings import ended
-from transferkit.envs import derive_spec, make_env, open_simulation
+from transferkit.envs import derive_spec, make_env, name_of, open_simulation
+from transferkit.errors import ConfigError
 from transferkit.evaluation import evaluate
 from transferkit.matching import compiled, limits, reach
 from transferkit.policy.matches import match
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from transferkit.matching import Limit, Match
     from transferkit.spec import IOSpec
 
+Part = TypeVar("Part")
+
 Swap = Callable[["MjModel"], None]
 """A change of the model of the core's own robot."""
 
@@ -40,8 +43,8 @@ ALIKE = 0.05
 def main(arguments: Sequence[str] | None = None) -> int:
     """Play and print; the exit status is 2 if an argument is wrong."""
     parser = Parser(prog="experiments.swaps", description=__doc__)
-    parser.add_argument("core")
-    parser.add_argument("target", metavar="ENV")
+    parser.add_argument("core", metavar="CORE", help="a core of the zoo")
+    parser.add_argument("target", metavar="ENV", help="the environment on which it does not play")
     parser.add_argument("--members", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--episodes", type=int, default=3, help="of each member with each change")
     return ended(lambda: run(parser.parse_args(arguments)), stopped="stopped")
@@ -70,19 +73,13 @@ def run(options: argparse.Namespace) -> int:
 def swaps(found: Match, source: IOSpec, target: IOSpec) -> dict[str, Swap]:
     """Each change by what it is called: nothing, what the target can do little of, its friction, and all of these."""
     one_by_one: dict[str, Swap] = {}
-    alike: dict[tuple[str, float], list[Limit]] = {}
-    for limit in limits(found, source, target):
-        if limit.copy == 1:
-            alike.setdefault((limit.kind, limit.share), []).append(limit)
-    for (kind, share), group in alike.items():  # both legs together
-        names = [limit.name for limit in group]
-        if kind == "joint":
-            models = ", ".join(source.model_names[name] for name in names)
-            one_by_one[f"{share:.0%} of the range of {models}"] = _ranges(found, source, target, names)
-        else:
-            driving = _driving(found, source, target, names)
-            joints = ", ".join(source.model_names.get(source.action[k].joint or "", source.action[k].name) for k in driving)
-            one_by_one[f"{share:.0%} of the force of {joints}"] = _forces(driving, share)
+    limited = limits(found, source, target)
+    for share, names in _together((one.name, one.share) for one in limited if one.copy == 1):  # both legs
+        models = ", ".join(source.model_names[name] for name in names)
+        one_by_one[f"{share:.0%} of the range of {models}"] = _ranges(found, source, target, names)
+    for share, actions in _together(_forces(found, source, target, limited).items()):
+        joints = ", ".join(source.model_names.get(source.action[k].joint or "", source.action[k].name) for k in actions)
+        one_by_one[f"{share:.0%} of the force of {joints}"] = _weak(actions, share)
     own, other = (_friction(_model(make_env(spec.env_id))) for spec in (source, target))
     if abs(own - other) > ALIKE * own:
         one_by_one[f"a friction of {other:g} instead of {own:g}"] = _rough(other)
@@ -94,6 +91,24 @@ def swaps(found: Match, source: IOSpec, target: IOSpec) -> dict[str, Swap]:
     return {"nothing": lambda _: None, **one_by_one, "all of these": everything}
 
 
+def _together(shares: Iterable[tuple[Part, float]]) -> list[tuple[float, list[Part]]]:
+    """What has the same share, in the order of its first."""
+    found: dict[float, list[Part]] = {}
+    for part, share in shares:
+        found.setdefault(share, []).append(part)
+    return [*found.items()]
+
+
+def _forces(found: Match, source: IOSpec, target: IOSpec, limited: Sequence[Limit]) -> dict[int, float]:
+    """The share of the force of each of the core's actions that is left in the weakest actuator that it drives."""
+    rows = {one.name: row for one, row in zip(target.action, found.action_weight, strict=True)}
+    least: dict[int, float] = {}
+    for one in limited:
+        driving = [k % source.act_dim for k, weight in enumerate(rows.get(one.name, ())) if weight]
+        least |= {k: min(one.share, least.get(k, 1.0)) for k in driving if one.kind == "action"}
+    return dict(sorted(least.items()))
+
+
 def _ranges(found: Match, source: IOSpec, target: IOSpec, names: Sequence[str]) -> Swap:
     assert found.pairing is not None
     copy, others = found.pairing.copies[0], {joint.name: joint for joint in target.joints}
@@ -101,21 +116,15 @@ def _ranges(found: Match, source: IOSpec, target: IOSpec, names: Sequence[str]) 
 
     def swap(model: MjModel) -> None:
         for name in names:
-            joint, ways = joints[name], reach(joints[name], copy.joints[name], others, copy.shift.get(name, 0.0))
+            joint, ways = joints[name], reach(copy.joints[name], others, copy.shift.get(name, 0.0))
             model.jnt_range[model.joint(joint.model_name).id] = np.array(ways) + joint.reference
 
     return swap
 
 
-def _driving(found: Match, source: IOSpec, target: IOSpec, names: Sequence[str]) -> list[int]:
-    """The core's actions that drive these actuators of the target."""
-    rows = {one.name: row for one, row in zip(target.action, found.action_weight, strict=True)}
-    return sorted({k % source.act_dim for name in names for k, weight in enumerate(rows[name]) if weight})
-
-
-def _forces(driving: Sequence[int], share: float) -> Swap:
+def _weak(actions: Sequence[int], share: float) -> Swap:
     def swap(model: MjModel) -> None:
-        model.actuator_gear[list(driving)] *= share
+        model.actuator_gear[list(actions)] *= share
 
     return swap
 
@@ -134,7 +143,8 @@ def _friction(model: MjModel) -> float:
 
 def _model(env: gymnasium.Env) -> MjModel:
     simulation = open_simulation(env)
-    assert simulation is not None
+    if simulation is None:
+        raise ConfigError(f"{name_of(env)} has no MuJoCo model", remedy="give an environment of MuJoCo")
     return simulation.model
 
 

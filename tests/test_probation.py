@@ -152,6 +152,21 @@ def test_a_refused_core_leaves_a_run_from_scratch_to_the_bit_also_if_it_is_inter
     assert len(said()) == 1  # what was decided is not decided again
 
 
+class Costly(Line):
+    """Its reward is no number where nothing is done."""
+
+    def step(self, action):
+        observation, reward, *ended = super().step(action)
+        return observation, reward if np.any(action) else np.nan, *ended
+
+
+def test_a_run_is_kept_where_doing_nothing_cannot_be_played(tmp_path, caplog):
+    out = tmp_path / "run"
+    assert train(scratch_policy(Costly), Costly, Budget(episodes=6), eval_episodes=1, out=out).episodes == 6
+    assert (out / "result.json").exists()
+    assert not any("doing nothing" in message for message in caplog.messages)
+
+
 @pytest.mark.parametrize("algo", ["ppo", "dyna-ddpg"])
 def test_a_trusted_core_is_trained_and_learns_from_what_was_seen(tmp_path, algo):
     trusting = with_settings(config(algo, member=0, seed=100), {"wrap.fall_back": False, "dyna.keep_peak": False})

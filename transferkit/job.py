@@ -18,7 +18,7 @@ import torch
 from transferkit.budget import KINDS, Budget, Spent
 from transferkit.config import TrainConfig, identity, migrated_blueprint
 from transferkit.envs import VectorEnv, derive_spec, dims, episode_limit, find_mirror, is_written, make_env, names_module
-from transferkit.errors import ConfigError, SettingError, reason_of
+from transferkit.errors import ConfigError, SettingError, TransferkitError, reason_of
 from transferkit.evaluation import ZeroPolicy, evaluate
 from transferkit.files import check_folder, damaged_run
 from transferkit.policy.blueprints import Sandwiched, plan_of
@@ -274,7 +274,8 @@ class Job:
         latest = session.latest_return
         if latest is None:
             return
-        if latest < (zero := self._return_of_nothing()):
+        zero = self._return_of_nothing()
+        if zero is not None and latest < zero:
             worse, remedy = f"doing nothing ({zero:.4g})", "a larger budget or another preset"
         elif session.is_behind:
             worse = f"the untrained core ({self._to_beat:.4g}){', which the run keeps' if session.plays_core else ''}"
@@ -285,11 +286,14 @@ class Job:
             worse += f"; the run keeps the policy of its best ones ({session.peak:.4g})"
         LOGGER.warning("the last training episodes (mean return %.4g) are worse than %s: try %s", latest, worse, remedy)
 
-    def _return_of_nothing(self) -> float:
-        """The mean return of zero action, which is played now if no probation did; no budget counts that."""
+    def _return_of_nothing(self) -> float | None:
+        """The mean return of zero action, played now, off the budget, if no probation did; None if it cannot be played."""
         if self.probation and self.probation.zero:
             return float(np.mean(self.probation.zero))
-        return evaluate(ZeroPolicy(self.policy.act_dim), self.make_env, episodes=LATEST).mean
+        try:
+            return evaluate(ZeroPolicy(self.policy.act_dim), self.make_env, episodes=LATEST).mean
+        except TransferkitError:  # the environment stands no zero action
+            return None
 
     @property
     def _to_beat(self) -> float | None:

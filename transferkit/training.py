@@ -166,5 +166,6 @@ def _run(job: Job, report: Report | None) -> Result:
         session = job.session(directory, trainer, report)
         scores = train_and_evaluate(trainer, job.envs(trainer), session, checkpoint)
         directory.save_policy(job.trained(trainer, session))
+        result = directory.finish(job.result(session, scores, ledger))
         job.warn(session)
-        return directory.finish(job.result(session, scores, ledger))
+        return result

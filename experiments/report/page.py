@@ -141,12 +141,13 @@ def ends(low: float | None, high: float | None) -> str:
 
 
 def _rounded(value: float, low: float, high: float, sign: str = "") -> str:
-    """A number to two digits of half the width of its interval."""
+    """A number to two digits of half the width of its interval; one that is not 0 never becomes 0."""
     half = (high - low) / 2
     if not math.isfinite(half) or half <= 0 or not math.isfinite(value):
-        return f"{value:{sign}.4g}"
+        return (sign if value > 0 else "") + number(value)
     decimals = 1 - math.floor(math.log10(half))
-    return f"{round(value, decimals):{sign}.{max(decimals, 0)}f}"
+    rounded = round(value, decimals)
+    return f"{value:{sign}.1g}" if value and not rounded else f"{rounded:{sign}.{max(decimals, 0)}f}"
 
 
 def number(value: object, infinite: str = "∞") -> str:

@@ -111,13 +111,19 @@ def untrained(study: Study, pairs: Sequence[Sequence[str]]) -> Lines:
     """
     matches = {(line["core"], line["target"]): line for line in study.lines("matches")}
     names = ("shuffled", "random", "random-action", ZERO_ACTION)
-    lines = [["core on target", "matched", "held", "lengths", "core (each member)", *(ARMS[name] for name in names)]]
+    lines = [["core on target", "matched", "ranges", "held", "lengths", "core (each member)", *(ARMS[name] for name in names)]]
     for core, target in pairs:
         found, rows = matches[core, target], _select(study.rows, {"core": core, "target": target})
         matched = f"{float(found['inputs']):.0%} and {float(found['actions']):.0%}"
         means = [CELLS["mean"](study, _select(rows, {"arm": name}), []) for name in names]
         own = CELLS["mean, each"](study, _select(rows, {"arm": TRANSFER}), [])
-        lines.append([f"`{core}` on {short(target)}", matched, found["hold"], f"{float(found['length']):.2f}", own, *means])
+        about = [
+            matched,
+            f"{float(found['reach']):.0%}" if found["reach"] else "-",
+            found["hold"],
+            f"{float(found['length']):.2f}",
+        ]
+        lines.append([f"`{core}` on {short(target)}", *about, own, *means])
     return lines
 
 

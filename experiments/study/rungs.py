@@ -12,6 +12,7 @@ from experiments.report.ladder import ORDER
 from experiments.report.tables import core_share, source_steps
 from experiments.report.verdict import REFUSED, SCRATCH, TRANSFER
 from experiments.study.cells import difference, short, whole
+from experiments.study.rooms import StudyError
 from transferkit import stats
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ def rungs(study: Study, trainers: Sequence[str] = (), thresholds: Mapping[str, f
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
     stated = thresholds or {}
+    if stated and (unknown := [one for one in stated if f'"{one}"' not in (study.folder / "grid.toml").read_text()]):
+        raise StudyError(f"thresholds: {unknown[0]} is no target of the grid")
     return [[*HEADER, "verdict"], *([*_cells(study, group, stated.get(group.target)), _verdict(group)] for group in groups)]
 
 
@@ -84,11 +87,12 @@ def _worse(group: Group) -> str:
 def _forgotten(study: Study, group: Group) -> str:
     """Share of the runs around a trusted core that end below what it had untrained, by more than both evaluations' noise.
 
-    That is two standard errors of the difference, by the last evaluation's deviation.
+    That is two standard errors of the difference, by the last evaluation's deviation. A diverged run counts as below.
     """
     begun = [row for row in group.arms[TRANSFER].rows if row.id in study.curves and study.curves[row.id][0].get("core")]
     noise = [2 * row.eval_return_std * math.sqrt(2 / row.eval_episodes) for row in begun]
     below = [row.eval_return_mean < row.first_return_mean - one for row, one in zip(begun, noise, strict=True)]
+    below += [True] * len(group.arms[TRANSFER].diverged)
     return f"{np.mean(below):.0%}" if below else "-"
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from experiments.swaps import main, swaps
 from transferkit.envs import derive_spec, make_env, open_simulation
-from transferkit.matching import compiled, pair
+from transferkit.matching import compiled, limits, pair
 
 WALKER, SUITE = "Walker2d-v5", "dm_control/walker-walk-v0"
 
@@ -37,6 +37,24 @@ def test_each_swap_puts_one_thing_of_the_target_into_the_robot_of_the_core():
     np.testing.assert_allclose(weak.actuator_gear[:, 0], [100, 100, 14.43, 100, 100, 14.43], atol=0.01)  # 20, for its weight
     np.testing.assert_allclose(every.jnt_range[thigh], changed.jnt_range[thigh])
     assert every.geom_friction[:, 0].max() == pytest.approx(0.7)
+
+
+def test_a_motor_that_drives_two_limbs_is_weakened_once():
+    source, target = derive_spec("Hopper-v5"), derive_spec("HalfCheetah-v5?vary.mass=1.4")
+    match = compiled(pair(source, target), source, target)
+    found = swaps(match, source, target)
+    weakest = {one.name: one.share for one in limits(match, source, target) if one.kind == "action"}
+    every = open_simulation(make_env("Hopper-v5")).model
+    found["all of these"](every)
+    rows = {one.name: row for one, row in zip(target.action, match.action_weight, strict=True)}
+    for k in range(source.act_dim):
+        shares = [share for name, share in weakest.items() if any(rows[name][k :: source.act_dim])]
+        assert every.actuator_gear[k, 0] == pytest.approx(200 * min(shares, default=1.0))
+
+
+def test_what_cannot_be_swapped_is_one_line(capsys):
+    assert main(["hopper-v1", "Pendulum-v1"]) == 2
+    assert "Pendulum-v1 has no MuJoCo model" in capsys.readouterr().err
 
 
 def test_a_core_is_played_with_each(capsys):

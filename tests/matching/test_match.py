@@ -168,22 +168,22 @@ def test_what_is_not_matched_is_said_with_the_reason():
 def test_the_reason_is_the_first_thing_that_no_joint_of_the_other_robot_has():
     slide, hinge = derive_spec(ONE).joints
     assert hindrance(slide, [hinge]) == "no slide"
-    assert hindrance(hinge, [slide, replace(hinge, axis=(1.0, 0.0, 0.0))]) == "no hinge about a parallel axis"
+    assert hindrance(hinge, [slide, replace(hinge, axis=(1.0, 0.0, 0.0))]) == "no hinge on a parallel axis"
     assert hindrance(hinge, [replace(hinge, rest=(0.0, 0.0, -1.0))]) == "no hinge whose load rests on the same side"
     assert hindrance(hinge, [slide, hinge]) is None
 
 
 def test_what_the_target_can_do_little_of_is_said():
     """The thigh of Walker2d-v5 goes from -150 to 0 degrees, the hip of the suite's walker from -20 to 100: 20 of 150."""
-    left, right = (Limit("joint", name, round(20 / 150, 4)) for name in ("hinge_y2", "hinge_y5"))
+    left, right = (Limit("joint", name, round(20 / 150, 4), 1) for name in ("hinge_y2", "hinge_y5"))
     found = limits(*matched(WALKER, DM_WALKER)[1:])
     assert [one for one in found if one.kind == "joint"] == [left, right]
     _, match, source, target = matched(WALKER, DM_WALKER)
     ankle = match.action_weight[2][2]
     assert Limit("action", "drive.hinge_y4", round(1 / ankle, 4)) in found
     text = explain(match, source, target)
-    assert "joint hinge_y2 (thigh_joint) = +1 right_hip, which reaches 13% of its range" in text
-    assert f"action drive.hinge_y4 = {ankle:+.4g} drive.hinge_y4, of which its actuator has {1 / ankle:.0%}" in text
+    assert "limited: joint hinge_y2 (thigh_joint) reaches 13% of its range" in text
+    assert f"limited: action drive.hinge_y4 has {1 / ankle:.0%} of the force" in text
     assert [one.name for one in limits(*matched(DM_WALKER, WALKER)[1:])] == ["hinge_y2", "hinge_y5"]
     assert {one.kind for one in limits(*matched(HOPPER, WALKER)[1:])} == {"action"}  # the same ranges, a heavier robot
 

@@ -20,7 +20,7 @@ from transferkit.zoo.catalog import core_folders, find_card, find_core, list_car
 from transferkit.zoo.summary import Summary
 
 if TYPE_CHECKING:
-    from transferkit.zoo.find import Played
+    from transferkit.zoo.find import Found, Played
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -79,10 +79,9 @@ def _find(options: argparse.Namespace) -> Answer:
     if not found:
         return Answer([], f"nothing crosses: {env} represents no input and action of any core")
     header = ["id", "source", "inputs", "actions", "hold", "limbs", "ranges", "distance"]
-    shares = [[f"{share:.0%}" for share in (one.inputs, one.actions, one.reach)] for one in found]
     table = [
-        [one.core, one.source, inputs, actions, one.hold, one.copies, ranges, f"{one.distance:.2f}"]
-        for one, (inputs, actions, ranges) in zip(found, shares, strict=True)
+        [one.core, one.source, _share(one.inputs), _share(one.actions), one.hold, one.copies, _share(one.reach), _apart(one)]
+        for one in found
     ]
     data = [asdict(one) for one in found]
     if options.play:
@@ -93,6 +92,14 @@ def _find(options: argparse.Namespace) -> Answer:
         scores = {core: asdict(one) for core, one in played.items()}
         data = [row | scores.get(one.core, {}) for row, one in zip(data, found, strict=True)]
     return Answer(data, format_table(header, table))
+
+
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{share:.0%}"
+
+
+def _apart(found: Found) -> str:
+    return "-" if found.distance is None else f"{found.distance:.2f}"
 
 
 def _scores(played: Played | None) -> tuple[str, ...]:

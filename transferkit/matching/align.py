@@ -179,7 +179,7 @@ def _rest(one: Joint, other: Joint) -> float:
 
 NEEDED: Sequence[tuple[str, Callable[[Joint, Joint], bool]]] = (
     ("", lambda one, other: one.type == other.type),
-    ("about a parallel axis", parallel),
+    ("on a parallel axis", parallel),
     ("whose load rests on the same side", lambda one, other: _rest(one, other) <= FARTHEST),
 )
 """What a joint must share with another to stand for it, in the words in which the lack of it is said."""

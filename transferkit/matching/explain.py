@@ -35,19 +35,17 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
     Joints of the target have a line where nothing reads them.
     """
     lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target))]
-    left_out, limited = unmatched(match, source, target), limits(match, source, target)
+    left_out = unmatched(match, source, target)
     for k in range(match.copies):
         why = {(one.kind, one.name): f"not matched: {one.why}" for one in left_out if one.copy == k + 1}
         if match.copies > 1:
             lines.append(f"  copy {k + 1} of {match.copies}")
         if match.pairing is not None:
-            reached = {one.name: one.share for one in limited if one.kind == "joint" and one.copy == k + 1}
-            lines += _joints(match.pairing.copies[k], source, target, why, reached)
+            lines += _joints(match.pairing.copies[k], source, target, why)
         lines += _inputs(match, k, source, target, why)
     unread = [(one.name, target.model_names[one.name], one.why) for one in left_out if one.kind == "target joint"]
     lines += [f"  the target's joint {name} ({model_name}) = not matched: {why}" for name, model_name, why in unread]
-    possible = {one.name: one.share for one in limited if one.kind == "action"}
-    return "\n".join([*lines, *_actions(match, source, target, possible)])
+    return "\n".join([*lines, *_actions(match, source, target), *_limits(match, source, target)])
 
 
 def _scales(pairing: Pairing, gravity: float) -> str:
@@ -56,16 +54,13 @@ def _scales(pairing: Pairing, gravity: float) -> str:
     return f"  lengths: the source's are {pairing.length:.3g} times the target's{heavier}; {KEPT[pairing.forces]}{held}"
 
 
-def _joints(
-    copy: Copy, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str], reached: Mapping[str, float]
-) -> list[str]:
+def _joints(copy: Copy, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str]) -> list[str]:
     own, others = (spec.model_names for spec in (source, target))
     lines = []
     for name, model_name in own.items():
         reads = _terms({others[other]: share for other, share in copy.joints.get(name, {}).items()})
         shift = f" {copy.shift[name]:+.4g}" if copy.shift.get(name) else ""
-        little = f", which reaches {reached[name]:.0%} of its range" if name in reached else ""
-        lines.append(f"  joint {name} ({model_name}) = {reads + shift + little if reads else why['joint', name]}")
+        lines.append(f"  joint {name} ({model_name}) = {reads + shift if reads else why['joint', name]}")
     return lines
 
 
@@ -82,14 +77,25 @@ def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec, why: Mapping[t
     return lines
 
 
-def _actions(match: Match, source: IOSpec, target: IOSpec, possible: Mapping[str, float]) -> list[str]:
+def _actions(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
     names = [f"{a.name}{f'[{k + 1}]' if match.copies > 1 else ''}" for k in range(match.copies) for a in source.action]
     biases, lines = match.action_bias or (0.0,) * target.act_dim, []
     for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
         terms = _terms({name: w for w, name in zip(row, names, strict=True) if w})
         added = f" {bias:+.4g}" if terms and bias else ""
-        added += f", of which its actuator has {possible[actuator.name]:.0%}" if actuator.name in possible else ""
         lines.append(f"  action {actuator.name} = {terms or 'not matched: nothing of the core drives it'}{added}")
+    return lines
+
+
+def _limits(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
+    """A line for what the target can do little of."""
+    lines = []
+    for one in limits(match, source, target):
+        if one.kind == "joint":
+            what = f"joint {one.name} ({source.model_names[one.name]}) reaches {one.share:.0%} of its range"
+        else:
+            what = f"action {one.name} has {one.share:.0%} of the force"
+        lines.append(f"  limited: {what}{f' in copy {one.copy}' if one.copy and match.copies > 1 else ''}")
     return lines
 
 

@@ -25,7 +25,7 @@ class Unmatched:
     """A joint of the core's robot, an input of the core, or a joint or an action of the target."""
     name: str
     why: str
-    copy: int = 1
+    copy: int | None = None
     """From 1: the copy of the core whose joint or input it is."""
 
 
@@ -55,8 +55,15 @@ def _left_out(
     free = [other for other in others if other.name not in taken]
     for joint in joints:
         if joint.name not in matched:
-            held = "what could stand for it stands for another" if hindrance(joint, free) else "to leave it out costs less"
-            yield joint.name, f"nothing like it is left ({hindrance(joint, others) or held})"
+            yield joint.name, _why_left_out(joint, free, others)
+
+
+def _why_left_out(joint: Joint, free: Sequence[Joint], others: Sequence[Joint]) -> str:
+    if lacking := hindrance(joint, others):
+        return f"nothing like it is left ({lacking})"
+    if hindrance(joint, free):
+        return "nothing like it is left (what could stand for it stands for another)"
+    return "it is left out, though another could stand for it"
 
 
 def _why(element: Element, joints: Collection[str] | None) -> str:

@@ -44,10 +44,13 @@ class Found:
     """Lengths of its robot over those of the environment's."""
     forces: str
     """What its actions keep."""
-    reach: float
-    """Share of the ranges of its joints that those of the environment reach, in the mean."""
-    distance: float
-    """How far apart the two mechanisms are: 0 if they are one, 1 if no joint of either stands for one of the other."""
+    reach: float | None
+    """Share of the ranges of its hinges that those of the environment reach, in the mean; None if it has or knows none."""
+    distance: float | None
+    """How far apart the two mechanisms are: 0 if they are one, 1 if no joint of either stands for one of the other.
+
+    None of a core whose card knows neither masses nor ranges, as those of earlier versions.
+    """
 
     @property
     def share(self) -> float:
@@ -89,12 +92,19 @@ def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
             continue
         if match.holds:
             found.append(_found(card, match, target))
-    return sorted(found, key=lambda one: (-one.share, -one.reach, one.distance)), errors
+    return sorted(found, key=_order), errors
+
+
+def _order(found: Found) -> tuple[float, float, float]:
+    """What is not known is taken as if all was reached, and nothing alike."""
+    reached, apart = (other if one is None else one for one, other in ((found.reach, 1.0), (found.distance, 1.0)))
+    return -found.share, -reached, apart
 
 
 def _found(card: Card, match: Match, target: IOSpec) -> Found:
     assert match.pairing is not None
     (inputs, actions), pairing = coverage(match, card.source), match.pairing
+    reached, known = mean_reach(match, card.source, target), any(joint.mass for joint in card.source.joints)
     return Found(
         core=card.id,
         source=card.source.env_id,
@@ -104,8 +114,8 @@ def _found(card: Card, match: Match, target: IOSpec) -> Found:
         copies=match.copies,
         length=round(pairing.length, 4),
         forces=pairing.forces,
-        reach=round(mean_reach(match, card.source, target), 4),
-        distance=round(distance(card.source, target), 4),
+        reach=None if reached is None else round(reached, 4),
+        distance=round(distance(card.source, target), 4) if known else None,
     )
 
 

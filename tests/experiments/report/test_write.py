@@ -129,4 +129,7 @@ def test_what_cannot_be_reported_is_one_line(results, tmp_path, capsys):
 def test_a_number_has_the_digits_that_its_interval_supports():
     assert (supported(1234.567, 1100.0, 1370.0), ends(1100.4, 1370.4)) == ("1230", "1100 to 1370")  # give or take 135
     assert (supported(0.98765, 0.97, 1.01), difference(0.98765, 0.97, 1.01)) == ("0.988", "+0.988")
+    assert ends(-259.89, -3.29) == "-260 to -3"  # which is below 0
+    assert (ends(-7.02, -0.036), ends(28.6, 9125.0)) == ("-7.0 to -0.04", "3e+01 to 9100")
+    assert (supported(12345.0, 12345.0, 12345.0), difference(0.0, -300.0, 300.0)) == ("12,345", "+0")
     assert (supported(0.5, None, None), supported(2.0, 2.0, 2.0), ends(None, None)) == ("0.5", "2", "")

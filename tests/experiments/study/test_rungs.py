@@ -2,8 +2,11 @@ import itertools
 from dataclasses import replace
 from types import SimpleNamespace
 
+import pytest
+
 from experiments.matrix.table import Row
 from experiments.report.comparisons import compare
+from experiments.study.rooms import StudyError
 from experiments.study.rungs import rungs
 
 
@@ -14,7 +17,7 @@ def run(arm, core, member, seed, points):
     return replace(row, area=area, first_return_mean=points[0]), points
 
 
-def test_a_rung_by_hand():
+def test_a_rung_by_hand(tmp_path):
     """Six seeds alike: the core has 100 from its second evaluation on, scratch 50 at its end."""
     seeds = range(6)
     made = [run("transfer", "hopper-v1", 0, seed, [0.0, 100.0, 100.0 + seed]) for seed in seeds]
@@ -34,7 +37,9 @@ def test_a_rung_by_hand():
     assert told["below scratch's lower quartile"] == "0%"
     assert told["steps saved"] == "> 2 (2 to 2) to 75"  # 1000 against more than 2000
     assert told["verdict"] == "transfer"
-    _, line = rungs(SimpleNamespace(rows=rows, groups=compare(rows), curves=curves), thresholds={"Walker2d-v5": 25.0})
+    (tmp_path / "grid.toml").write_text('targets = ["Walker2d-v5"]')
+    stated = SimpleNamespace(rows=rows, groups=compare(rows), curves=curves, folder=tmp_path)
+    _, line = rungs(stated, thresholds={"Walker2d-v5": 25.0})
     assert dict(zip(header, line, strict=True))["steps saved"] == "1 (1 to 1) to 25"  # stated before: both after 1000
     assert told["below the untrained core"] == "0%"
     starts = {0: 200.0, 1: 105.0}  # seed 0 ends at 100, and seed 1 at 101 with a noise of 2 sqrt(2 / 5) 10 = 12.6
@@ -44,6 +49,8 @@ def test_a_rung_by_hand():
     ]
     _, line = rungs(SimpleNamespace(rows=begun, groups=compare(begun), curves=curves))
     assert dict(zip(header, line, strict=True))["below the untrained core"] == "17%"
+    with pytest.raises(StudyError, match="thresholds: Walker2d is no target of the grid"):
+        rungs(stated, thresholds={"Walker2d": 25.0})
     some = [row for row in rows if (row.arm, row.seed) not in (("transfer", 0), ("scratch", 5))]
     _, line = rungs(SimpleNamespace(rows=some, groups=compare(some), curves=curves))
     told = dict(zip(header, line, strict=True))
