@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     import argparse
 
     import gymnasium
-    from mujoco import MjModel
 
     from transferkit.matching import Limit, Match
+    from transferkit.physics import mujoco
     from transferkit.spec import IOSpec
 
 Part = TypeVar("Part")
 
-Swap = Callable[["MjModel"], None]
+Swap = Callable[["mujoco.MjModel"], None]
 """A change of the model of the core's own robot."""
 
 ALIKE = 0.05
@@ -84,7 +84,7 @@ def swaps(found: Match, source: IOSpec, target: IOSpec) -> dict[str, Swap]:
     if abs(own - other) > ALIKE * own:
         one_by_one[f"a friction of {other:g} instead of {own:g}"] = _rough(other)
 
-    def everything(model: MjModel) -> None:
+    def everything(model: mujoco.MjModel) -> None:
         for swap in one_by_one.values():
             swap(model)
 
@@ -114,7 +114,7 @@ def _ranges(found: Match, source: IOSpec, target: IOSpec, names: Sequence[str]) 
     copy, others = found.pairing.copies[0], {joint.name: joint for joint in target.joints}
     joints = {joint.name: joint for joint in source.joints}
 
-    def swap(model: MjModel) -> None:
+    def swap(model: mujoco.MjModel) -> None:
         for name in names:
             joint, ways = joints[name], reach(copy.joints[name], others, copy.shift.get(name, 0.0))
             model.jnt_range[model.joint(joint.model_name).id] = np.array(ways) + joint.reference
@@ -123,25 +123,25 @@ def _ranges(found: Match, source: IOSpec, target: IOSpec, names: Sequence[str]) 
 
 
 def _weak(actions: Sequence[int], share: float) -> Swap:
-    def swap(model: MjModel) -> None:
+    def swap(model: mujoco.MjModel) -> None:
         model.actuator_gear[list(actions)] *= share
 
     return swap
 
 
 def _rough(friction: float) -> Swap:
-    def swap(model: MjModel) -> None:
+    def swap(model: mujoco.MjModel) -> None:
         model.geom_friction[:, 0] = friction
 
     return swap
 
 
-def _friction(model: MjModel) -> float:
+def _friction(model: mujoco.MjModel) -> float:
     """The largest sliding friction: of two geoms that touch, the larger one counts."""
     return float(model.geom_friction[:, 0].max())
 
 
-def _model(env: gymnasium.Env) -> MjModel:
+def _model(env: gymnasium.Env) -> mujoco.MjModel:
     simulation = open_simulation(env)
     if simulation is None:
         raise ConfigError(f"{name_of(env)} has no MuJoCo model", remedy="give an environment of MuJoCo")
