@@ -104,8 +104,9 @@ def _forces(found: Match, source: IOSpec, target: IOSpec, limited: Sequence[Limi
     rows = {one.name: row for one, row in zip(target.action, found.action_weight, strict=True)}
     least: dict[int, float] = {}
     for one in limited:
-        driving = [k % source.act_dim for k, weight in enumerate(rows.get(one.name, ())) if weight]
-        least |= {k: min(one.share, least.get(k, 1.0)) for k in driving if one.kind == "action"}
+        if one.kind == "action":
+            driving = [k % source.act_dim for k, weight in enumerate(rows[one.name]) if weight]
+            least |= {k: min(one.share, least.get(k, 1.0)) for k in driving}
     return dict(sorted(least.items()))
 
 

@@ -43,8 +43,10 @@ def rungs(study: Study, trainers: Sequence[str] = (), thresholds: Mapping[str, f
     groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
     stated = thresholds or {}
-    if stated and (unknown := [one for one in stated if f'"{one}"' not in (study.folder / "grid.toml").read_text()]):
-        raise StudyError(f"thresholds: {unknown[0]} is no target of the grid")
+    grid = (study.folder / "grid.toml").read_text() if stated else ""
+    for target in stated:
+        if f'"{target}"' not in grid:
+            raise StudyError(f"thresholds: {target} is no target of the grid")
     return [[*HEADER, "verdict"], *([*_cells(study, group, stated.get(group.target)), _verdict(group)] for group in groups)]
 
 

@@ -39,6 +39,7 @@ def test_a_force_is_counted_from_what_causes_none():
         return limits(replace(match, action_bias=(bias,)), source, bounded)
 
     assert limited(-3.0, 3.0, 1.0) == [Limit("action", push.name, 0.5)]  # from 0 to 2, of which 1 is there
+    assert not limits(replace(match, action_weight=((1e-9,),)), source, target)  # next to nothing is asked for
     assert limited(0.0, 6.0, -1.0) == [Limit("action", push.name, 0.0)]  # no force is at -1, below which there is none
 
 

@@ -155,7 +155,7 @@ def hindrance(joint: Joint, others: Iterable[Joint]) -> str | None:
 
 def difference(one: Feature, other: Feature) -> float:
     """Price the differences between two joints; infinite if neither can stand for the other."""
-    if hindrance(one.joint, [other.joint]):
+    if not all(holds(one.joint, other.joint) for _, holds in NEEDED):
         return math.inf
     apart = {
         "rest": _rest(one.joint, other.joint),

@@ -69,7 +69,8 @@ def _possible(actuator: Actuator, size: float, bias: float) -> float:
         return 1.0
     still = -actuator.centre / actuator.half_range
     up, down = bias + size - still, still - bias + size
-    return min(1.0, *(max(0.0, has) / asked for has, asked in ((1 - still, up), (1 + still, down)) if asked > EXACT))
+    shares = [max(0.0, has) / asked for has, asked in ((1 - still, up), (1 + still, down)) if asked > EXACT]
+    return min([1.0, *shares])
 
 
 def reach(reads: Combination, others: Mapping[str, Joint], shift: float = 0.0) -> tuple[float, float]:

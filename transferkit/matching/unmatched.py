@@ -14,14 +14,12 @@ if TYPE_CHECKING:
     from transferkit.matching.match import Match
     from transferkit.spec import Element, IOSpec, Joint
 
-Kind = Literal["joint", "core input", "target joint", "action"]
-
 
 @dataclass(frozen=True)
 class Unmatched:
     """What stands for nothing of the other side."""
 
-    kind: Kind
+    kind: Literal["joint", "core input", "target joint", "action"]
     """A joint of the core's robot, an input of the core, or a joint or an action of the target."""
     name: str
     why: str

@@ -74,7 +74,7 @@ class Played:
 def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
     """Rank the cores of the zoo by how much of them an environment can represent.
 
-    First by inputs and actions, then by the ranges of joints, then by how near the robots are.
+    First by inputs and actions, then by the ranges of hinges, then by how near the robots are.
 
     Returns those of which anything can be, and what is wrong with cards that cannot be read or matched.
 
@@ -97,8 +97,8 @@ def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
 
 def _order(found: Found) -> tuple[float, float, float]:
     """What is not known is taken as if all was reached, and nothing alike."""
-    reached, apart = (other if one is None else one for one, other in ((found.reach, 1.0), (found.distance, 1.0)))
-    return -found.share, -reached, apart
+    reached = 1.0 if found.reach is None else found.reach
+    return -found.share, -reached, 1.0 if found.distance is None else found.distance
 
 
 def _found(card: Card, match: Match, target: IOSpec) -> Found:
