@@ -198,7 +198,8 @@ def test_the_rules_of_an_environment_that_was_made_are_those_of_its_run(tmp_path
     assert (again.max_episode_steps, again.clip_actions) == (3, False)
 
 
-def test_a_device_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match=r"device 'cuda:77' cannot be used .*; use device=cpu"):
-        run_training(small(device="cuda:77"), out=tmp_path / "run")
+@pytest.mark.parametrize(("name", "reason"), [("cuda:77", "cannot be used .*"), ("cpu:7", "a CPU has no number")])
+def test_a_device_that_is_not_there_is_refused(tmp_path, name, reason):
+    with pytest.raises(ConfigError, match=f"device '{name}'.* ?{reason}; use device=cpu"):
+        run_training(small(device=name), out=tmp_path / "run")
     assert not (tmp_path / "run").exists()

@@ -352,4 +352,6 @@ def _device(name: str) -> torch.device:
         torch.Generator(device)
     except (RuntimeError, AssertionError, NotImplementedError) as error:
         raise ConfigError(f"device '{name}' cannot be used ({reason_of(error)})", remedy="use {device=cpu}") from None
+    if device.type == "cpu" and name != "cpu":
+        raise ConfigError(f"device '{name}': a CPU has no number", remedy="use {device=cpu}")
     return device
