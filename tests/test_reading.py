@@ -1,5 +1,6 @@
 """What a file has in place of a listed value is answered with the list, wherever it stands."""
 
+import time
 from dataclasses import dataclass
 from typing import Literal
 
@@ -69,3 +70,11 @@ def test_numbers_and_switches_are_what_they_look_like(text, value):
     else:
         found = parse_yaml(text.encode(), Picture)
         assert value in (found.pair[0], found.size, found.switch)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 50_000, "- " * 50_000, "? " * 50_000])
+def test_deep_yaml_is_refused_at_once(text):
+    begin = time.process_time()
+    with pytest.raises(FormatError, match="nested too deeply"):
+        parse_yaml(text.encode(), dict)
+    assert time.process_time() - begin < 2.0  # PyYAML alone takes minutes

@@ -101,7 +101,7 @@ def parse_yaml(data: bytes, kind: type[T]) -> T:
 
     try:
         text = data.decode("utf-8-sig")
-        _check_references(yaml.parse(text, yaml.SafeLoader))
+        _check_structure(yaml.parse(text, yaml.SafeLoader))
         loader = _yaml_loader()(text)
         node = loader.get_single_node()
         _check_keys(node)
@@ -141,8 +141,11 @@ def _yaml_loader() -> type[Any]:
     return Loader
 
 
-def _check_references(events: Iterable[Any]) -> None:
-    """Refuse references within what is referred to, or to more values than a file of this kind has."""
+def _check_structure(events: Iterable[Any]) -> None:
+    """Refuse references within what is referred to, or to more values than a file of this kind has; and what is nested deeply.
+
+    That is told while it is read: PyYAML takes minutes over 100,000 brackets.
+    """
     opened: list[str | None] = []
     sizes: dict[str, int] = {}
     total = 0
@@ -159,6 +162,8 @@ def _check_references(events: Iterable[Any]) -> None:
                 sizes[name] = sizes.get(name, 0) + 1
             if kind != "ScalarEvent":
                 opened.append(event.anchor)
+                if len(opened) > DEEPEST:
+                    raise FormatError("its values are nested too deeply")
 
 
 def _check_keys(node: Any) -> None:  # noqa: ANN401 - a node of YAML, or None of an empty file

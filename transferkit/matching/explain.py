@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from transferkit.matching.limits import limits
 from transferkit.matching.scales import gravity_scale
-from transferkit.matching.unmatched import unmatched
+from transferkit.matching.unmatched import unmatched, why_idle
 
 if TYPE_CHECKING:
     from transferkit.matching.match import Match
@@ -83,7 +83,7 @@ def _actions(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
     for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
         terms = _terms({name: w for w, name in zip(row, names, strict=True) if w})
         added = f" {bias:+.4g}" if terms and bias else ""
-        lines.append(f"  action {actuator.name} = {terms or 'not matched: nothing of the core drives it'}{added}")
+        lines.append(f"  action {actuator.name} = {terms or f'not matched: {why_idle(actuator)}'}{added}")
     return lines
 
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
 
     from transferkit.matching.match import Match
-    from transferkit.spec import Element, IOSpec, Joint
+    from transferkit.spec import Actuator, Element, IOSpec, Joint
 
 
 @dataclass(frozen=True)
@@ -42,8 +42,13 @@ def unmatched(match: Match, source: IOSpec, target: IOSpec) -> list[Unmatched]:
     if copies:
         stand = {name for copy in copies for name in copy.joints}
         found += [Unmatched("target joint", *one) for one in _left_out(target.joints, read, source.joints, stand)]
-    idle = [actuator.name for actuator, row in zip(target.action, match.action_weight, strict=True) if not any(row)]
-    return [*found, *(Unmatched("action", name, "nothing of the core drives it") for name in idle)]
+    idle = [actuator for actuator, row in zip(target.action, match.action_weight, strict=True) if not any(row)]
+    return [*found, *(Unmatched("action", actuator.name, why_idle(actuator)) for actuator in idle)]
+
+
+def why_idle(actuator: Actuator) -> str:
+    """Why nothing of the core drives an actuator."""
+    return "nothing of the core drives it" + (" (it pushes no joint, or several)" if actuator.joint is None else "")
 
 
 def _left_out(
@@ -69,7 +74,7 @@ def _why(element: Element, joints: Collection[str] | None) -> str:
     if joints is None:
         return "the target has none in its place"
     if element.quantity in FORMLESS:
-        return f"{element.quantity}, which is the same only in the same mechanism"
+        return f"{element.quantity}, which is the same only in the same mechanism under the same name"
     if missing := [name for name in element.joints if name not in joints]:
         return f"nothing is matched with {', '.join(missing)}"
     return "the target does not observe it"
