@@ -17,8 +17,9 @@ HEAD = """# What crosses, robot by robot
 
 Generated from the study `zero_shot`: a core on its own robot and, untrained, on another one. Pictures
 are of the first member's first four seconds (`python -m experiments.strips`), figures are mean
-returns of all members over {episodes} episodes each. Every core on every target is in the map
-on the front page and in [the cores](cores.md).
+returns of all members over {episodes} episodes each. It *crosses* if every member is above every
+control there, which says above, and not well. Every core on every target is in the map on the front
+page and in [the cores](cores.md).
 """
 
 

@@ -191,9 +191,9 @@ PRESETS: Mapping[Algorithm, Mapping[str, Preset]] = {
         "default-v4": Preset(ppo=IMAGINED_PPO, wrap=WORTH_IT),
     },
 }
-"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2`
-of the others until 2026-11-28, `default-v6` of PPO, `default-v3` of the others, `default-v4` to `default-v6` of DYNA-DDPG
-until 2026-11-29; `paper-v1` follows the paper's code (docs: departures)."""
+"""`default-v1` of PPO was the default until 2026-11-26, `default-v2` to `default-v5` of PPO, `default-v1` and `default-v2` of
+the others until 2026-11-28, `default-v6` and `default-v7` of PPO, `default-v3` of the others, `default-v4` to `default-v6` of
+DYNA-DDPG until 2026-11-29; `paper-v1` follows the paper's code (docs: departures)."""
 
 
 def preset_family(version: str) -> str:
