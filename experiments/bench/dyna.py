@@ -78,7 +78,7 @@ def agent(*, layer_norm: bool, compiles: bool = False) -> Agent:
     """Our learner with a buffer of made-up transitions."""
     settings = {"network.hidden": (WIDTH, WIDTH), "network.init_std": 1.0, "dyna.batch_size": BATCH}
     settings |= {"dyna.updates_per_step": UPDATES, "dyna.actor_every": 2, "dyna.layer_norm": layer_norm}
-    settings |= {"model.layer_norm": layer_norm}
+    settings |= {"model.layer_norm": layer_norm, "dyna.critics": 2, "dyna.drawn_critics": None, "dyna.mirror": False}
     config, streams = with_settings(TrainConfig(ENV, algo="dyna-ddpg"), settings), Streams(0)
     policy = new_policy(config, None)
     critic = make_critic(policy, config.dyna, config.network.hidden, streams.torch("critic"))
