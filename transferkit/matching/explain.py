@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from transferkit.matching.limits import limits
 from transferkit.matching.scales import gravity_scale
-from transferkit.matching.unmatched import unmatched, why_idle
+from transferkit.matching.unmatched import unmatched
 
 if TYPE_CHECKING:
     from transferkit.matching.match import Match
@@ -45,7 +45,8 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
         lines += _inputs(match, k, source, target, why)
     unread = [(one.name, target.model_names[one.name], one.why) for one in left_out if one.kind == "target joint"]
     lines += [f"  the target's joint {name} ({model_name}) = not matched: {why}" for name, model_name, why in unread]
-    return "\n".join([*lines, *_actions(match, source, target), *_limits(match, source, target)])
+    idle = {one.name: one.why for one in left_out if one.kind == "action"}
+    return "\n".join([*lines, *_actions(match, source, target, idle), *_limits(match, source, target)])
 
 
 def _scales(pairing: Pairing, gravity: float) -> str:
@@ -77,13 +78,13 @@ def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec, why: Mapping[t
     return lines
 
 
-def _actions(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
+def _actions(match: Match, source: IOSpec, target: IOSpec, idle: Mapping[str, str]) -> list[str]:
     names = [f"{a.name}{f'[{k + 1}]' if match.copies > 1 else ''}" for k in range(match.copies) for a in source.action]
     biases, lines = match.action_bias or (0.0,) * target.act_dim, []
     for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
         terms = _terms({name: w for w, name in zip(row, names, strict=True) if w})
         added = f" {bias:+.4g}" if terms and bias else ""
-        lines.append(f"  action {actuator.name} = {terms or f'not matched: {why_idle(actuator)}'}{added}")
+        lines.append(f"  action {actuator.name} = {terms or f'not matched: {idle[actuator.name]}'}{added}")
     return lines
 
 

@@ -43,10 +43,10 @@ def unmatched(match: Match, source: IOSpec, target: IOSpec) -> list[Unmatched]:
         stand = {name for copy in copies for name in copy.joints}
         found += [Unmatched("target joint", *one) for one in _left_out(target.joints, read, source.joints, stand)]
     idle = [actuator for actuator, row in zip(target.action, match.action_weight, strict=True) if not any(row)]
-    return [*found, *(Unmatched("action", actuator.name, why_idle(actuator)) for actuator in idle)]
+    return [*found, *(Unmatched("action", actuator.name, _why_idle(actuator)) for actuator in idle)]
 
 
-def why_idle(actuator: Actuator) -> str:
+def _why_idle(actuator: Actuator) -> str:
     """Why nothing of the core drives an actuator."""
     return "nothing of the core drives it" + (" (it pushes no joint, or several)" if actuator.joint is None else "")
 
