@@ -42,6 +42,8 @@ EARTH = 9.81
 
 JointType = Literal["slide", "hinge"]
 
+Feedback = Literal["", "position", "velocity"]
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -115,6 +117,12 @@ class Actuator:
     authority: float
     """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 if unknown."""
     unit: str
+    rest: float = 0.0
+    """The environment's action at which it is told nothing, and exerts no force."""
+    feedback: Feedback = ""
+    """What its force depends on besides the action: a servo's on the joint's position, or on its velocity alone."""
+    forces: tuple[float, float] | None = None
+    """What it has at its low and its high, where a clip leaves less than `gear` says; None if none does."""
 
     @property
     def centre(self) -> float:
@@ -125,6 +133,18 @@ class Actuator:
     def half_range(self) -> float:
         """How far an action of 1 is from there."""
         return (self.high - self.low) / 2
+
+    @property
+    def still(self) -> float:
+        """The action at which it exerts no force, counted from its centre in half ranges."""
+        return (self.rest - self.centre) / self.half_range
+
+    @property
+    def left(self) -> tuple[float, float]:
+        """The shares that clips leave of the force at its low and at its high."""
+        promised = [self.gear * (end - self.rest) for end in (self.low, self.high)]
+        low, high = (force / most if most else 1.0 for force, most in zip(self.forces or promised, promised, strict=True))
+        return low, high
 
     @property
     def acted(self) -> str:

@@ -150,10 +150,17 @@ class Proportional:
 
 
 class UnseededNoise(gymnasium.ObservationWrapper):
-    """Adds noise that nothing can hold still."""
+    """Adds noise that nothing can hold still; every so often it is the same twice in a row."""
+
+    def __init__(self, env, seed=None, same_every=None):
+        super().__init__(env)
+        self.draw, self.same_every, self.noise, self.count = np.random.default_rng(seed).normal, same_every, 0.0, 0
 
     def observation(self, observation):
-        return observation + np.random.default_rng().normal(0, 0.002, observation.shape)
+        self.count += 1
+        if self.same_every is None or self.count % self.same_every:
+            self.noise = self.draw(0, 0.002, observation.shape)
+        return observation + self.noise
 
 
 class LowPass(gymnasium.ObservationWrapper):
@@ -195,6 +202,13 @@ class Scaled(gymnasium.ActionWrapper):
 
     def action(self, action):
         return np.clip(self.factor * action, -self.most, self.most)
+
+
+class Servo(Plain):
+    """Turns an action into the torques that lead to a position."""
+
+    def step(self, action):
+        return super().step(2 * (action - self.state.qpos) - self.state.qvel)
 
 
 class WaitsForTheClock(Plain):
@@ -285,6 +299,7 @@ STACKS = {
     "noise": (lambda: Noise(pendulum(), 0.002), WHOLE),
     "much noise": (lambda: Noise(pendulum(), 0.2), WHOLE),
     "noise without a seed": (lambda: UnseededNoise(pendulum()), WHOLE),
+    "noise that repeats itself": (lambda: UnseededNoise(pendulum(), seed=0, same_every=16), WHOLE),
     "noise in proportion": (lambda: TransformObservation(pendulum(), Proportional(), None), WHOLE),
     "clocks": (lambda: Clocks(pendulum()), (*WHOLE, "observation[4]", "observation[5]", "observation[6]")),
     "delay": (lambda: DelayObservation(pendulum(), 2), _old(WHOLE, 2)),

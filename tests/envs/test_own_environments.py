@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dm_control import composer, mjcf, suite
 from dm_control.composer.observation import observable
-from gymnasium.wrappers import ClipAction, FlattenObservation, RescaleAction, StickyAction
+from gymnasium.wrappers import ClipAction, FlattenObservation, RescaleAction, StickyAction, TransformAction
 from shimmy.dm_control_compatibility import DmControlCompatibilityV0
 
 from tests.envs.own import (
@@ -19,6 +19,7 @@ from tests.envs.own import (
     Plain,
     Repeat,
     Scaled,
+    Servo,
     Strict,
     WaitsForTheClock,
     pendulum,
@@ -27,6 +28,7 @@ from tests.policy.cores import random_core
 from transferkit import derive_spec, evaluate, load_core, make_env, scratch_policy, vary, wrap
 from transferkit.envs import copies_of, environment_ids, episode_limit, is_written, open_simulation, recorded
 from transferkit.errors import EnvironmentContractError
+from transferkit.matching import Limit, Unlike, compiled, explain, limits, pair, unlike
 from transferkit.record.play import Subject, record_episodes
 from transferkit.record.replay import replay_recording
 
@@ -91,7 +93,12 @@ def test_it_is_evaluated_recorded_and_replayed(name, tmp_path):
     played = record_episodes(Subject(policy, make, max_episode_steps=20), path)
     assert played[0].steps <= 20
     spec = derive_spec(instance)
-    if name not in ("normalised", "noise without a seed", "noise in proportion"):  # which mean something else by now
+    if name not in (
+        "normalised",
+        "noise without a seed",
+        "noise that repeats itself",
+        "noise in proportion",
+    ):  # which mean something else by now
         assert spec == derive_spec(make)
     assert spec.time_step > 0
     if is_written(spec.env_id):
@@ -108,7 +115,7 @@ def test_the_elements_behind_wrappers_are_named(name):
     elif name == "noise in proportion":
         assert {element.offset for element in spec.observation} == {0.0}
         np.testing.assert_allclose([element.coefficients[0] for element in spec.observation], 1.0, atol=0.02)
-    elif name not in ("low pass", "noise without a seed"):
+    elif name not in ("low pass", "noise without a seed", "noise that repeats itself"):
         formed = [element for element in spec.observation if element.coefficients]
         assert {(element.coefficients, element.offset) for element in formed} == {((1.0,), 0.0)}
     assert [e.quantity for e in spec.observation if not e.coefficients] == {
@@ -175,6 +182,53 @@ def test_position_and_filtered_actuators_have_the_acceleration_that_they_cause()
     np.testing.assert_allclose(lift.authority, 50 / mass, rtol=1e-3)
     (filtered,) = derive_spec(Plain(MODELS["filtered"])).action
     assert filtered.gear == 7.0
+
+
+def test_a_force_that_depends_on_the_state_is_no_motors():
+    kinds = {name: [one.feedback for one in derive_spec(Plain(model)).action] for name, model in MODELS.items()}
+    assert kinds.pop("position") == ["position", "velocity"]
+    assert kinds.pop("muscle") == ["position"]
+    assert not any("".join(kind) for kind in kinds.values())
+    motors, servo = derive_spec(Plain(MODELS["motors"])), derive_spec(Servo(MODELS["motors"]))
+    assert [one.feedback for one in servo.action] == ["position", "position"]
+    match = compiled(pair(motors, servo), motors, servo)
+    assert unlike(match, motors, servo) == [Unlike(one.name, "position", "") for one in servo.action]
+    assert "differs: action drive.slide_z is held by a force that depends on the joint's position, the core's is a force" in (
+        explain(match, motors, servo)
+    )
+    assert not unlike(compiled(pair(servo, servo), servo, servo), servo, servo)
+
+
+@pytest.mark.parametrize(
+    ("wrapped", "rest", "added"),
+    [
+        (lambda: RescaleAction(pendulum(), 0, 1), 0.5, ()),
+        (lambda: RescaleAction(pendulum(), 2, 6), 4.0, ()),
+        (lambda: TransformAction(pendulum(), lambda action: action + 0.6, None), -0.6, (-0.2,)),
+        (lambda: TransformAction(pendulum(), lambda action: 0.5 - 2 * action, None), 0.25, (0.25 / 3,)),
+        (lambda: LowPassAction(pendulum()), 0.0, ()),
+        (lambda: StickyAction(pendulum(), 0.25), 0.0, ()),
+    ],
+)
+def test_a_force_is_counted_from_the_action_that_causes_none(wrapped, rest, added):
+    core, spec = load_core("inverted-pendulum-v1"), derive_spec(wrapped())
+    assert spec.action[0].rest == rest
+    assert compiled(pair(core.spec, spec), core.spec, spec).action_bias == pytest.approx(added)
+    assert compiled(pair(spec, spec), spec, spec).action_bias == ()
+
+
+def test_what_a_clip_leaves_of_a_force_is_known():
+    core, clipped = load_core("inverted-pendulum-v1"), derive_spec(Scaled(pendulum(), 1.0, most=0.3))
+    assert clipped.action[0].forces == (-30.0, 30.0)
+    matched = (compiled(pair(core.spec, clipped), core.spec, clipped), core.spec, clipped)
+    assert limits(*matched) == [Limit("action", "drive.slide_x", 0.1)]
+    assert not limits(compiled(pair(clipped, clipped), clipped, clipped), clipped, clipped)
+    assert not limits(compiled(pair(clipped, core.spec), clipped, core.spec), clipped, core.spec)
+    joint = ARM.replace('axis="0 1 0"', 'axis="0 1 0" actuatorfrcrange="-1 4"')
+    (turn,) = derive_spec(Plain(joint.format('<actuator><motor joint="turn" gear="8" ctrlrange="-1 1"/></actuator>'))).action
+    assert (turn.gear, turn.forces, turn.left) == (8.0, (-1.0, 4.0), (0.125, 0.5))
+    (turn,) = derive_spec(Plain(joint.format('<actuator><motor joint="turn" gear="8" ctrlrange="0 1"/></actuator>'))).action
+    assert (turn.rest, turn.left) == (0.0, (1.0, 0.5))
 
 
 def test_time_is_what_passes_in_the_simulation():

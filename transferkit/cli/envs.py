@@ -11,7 +11,7 @@ from transferkit.cli.environment import add_environment, environment
 from transferkit.table import format_table
 
 if TYPE_CHECKING:
-    from transferkit.spec import Element, IOSpec
+    from transferkit.spec import Actuator, Element, IOSpec
 
 
 def main(arguments: Sequence[str]) -> Answer:
@@ -44,18 +44,28 @@ def _reads(element: Element) -> str:
     return ", ".join([*terms, *([f"{element.offset:+.4g}"] if element.offset else [])])
 
 
+def _besides(actuator: Actuator) -> str:
+    """What bounds and gear do not say of an actuator."""
+    said = [f"no force at {actuator.rest:g}"] if actuator.rest else []
+    said += [f"depends on the joint's {actuator.feedback}"] if actuator.feedback else []
+    return "; ".join([*said, *(["from {:g} to {:g} at most".format(*actuator.forces)] if actuator.forces else [])])
+
+
 def describe(spec: IOSpec) -> str:
     """Describe an environment's numbers and what they mean."""
     limit = "no limit" if spec.episode_limit is None else f"{spec.episode_limit} steps an episode"
     observation = [(i, e.name, e.quantity, e.unit, _reads(e)) for i, e in enumerate(spec.observation)]
-    action = [(i, a.name, a.model_name, f"{a.low:g} to {a.high:g}", f"{a.gear:g}", a.unit) for i, a in enumerate(spec.action)]
+    action = [
+        (i, a.name, a.model_name, f"{a.low:g} to {a.high:g}", f"{a.gear:g}", a.unit, _besides(a))
+        for i, a in enumerate(spec.action)
+    ]
     joints = [(j.name, j.model_name, j.type, " ".join(f"{x:g}" for x in j.axis), j.parent or "world") for j in spec.joints]
     return "\n\n".join(
         (
             f"{spec.env_id} ({spec.backend}): {spec.obs_dim} observations, {spec.act_dim} actions, time step "
             f"{spec.time_step:g} s, {limit}",
             format_table(("#", "observation", "quantity", "unit", "joints"), observation),
-            format_table(("#", "action", "in the model", "bounds", "gear", "unit"), action),
+            format_table(("#", "action", "in the model", "bounds", "gear", "unit", "note"), action),
             format_table(("joint", "in the model", "type", "axis", "parent"), joints) if joints else "no joints known",
         )
     )

@@ -41,7 +41,7 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.yaml is not None:
         check_new(options.yaml, "yaml", ".yaml")
     from transferkit.envs import derive_spec  # noqa: PLC0415 - heavy
-    from transferkit.matching import as_plain, compiled, coverage, explain, limits, save_match, unmatched  # noqa: PLC0415
+    from transferkit.matching import as_plain, compiled, coverage, explain, limits, save_match, unlike, unmatched  # noqa: PLC0415
 
     source, target = _source(options.source), derive_spec(str(environment(options)))
     given = {name: getattr(options, name) for name in FOUND if getattr(options, name) is not None}
@@ -53,7 +53,8 @@ def main(arguments: Sequence[str]) -> Answer:
     inputs, actions = coverage(arrays, source)
     data: dict[str, Any] = {"inputs": inputs, "actions": actions, "holds": arrays.holds}
     limited = [asdict(one) for one in limits(arrays, source, target)]
-    data |= {"unmatched": [asdict(one) for one in left_out], "limits": limited, **as_plain(pairing)}
+    differing = [asdict(one) for one in unlike(arrays, source, target)]
+    data |= {"unmatched": [asdict(one) for one in left_out], "limits": limited, "unlike": differing, **as_plain(pairing)}
     matched = f"{_share(inputs, source.obs_dim)} inputs and {_share(actions, source.act_dim)} actions"
     head = f"{options.source} on {target.env_id}: {matched} are matched"
     note = "" if arrays.holds else "\nnothing crosses: a core that is wrapped there begins with random adapters"

@@ -6,7 +6,7 @@ States are visited one after the other, once each; what an element says of a sta
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from transferkit.envs.simulation import Simulation
 
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
+
+NUDGE = 0.05
+"""How far a degree of freedom is moved, in m or rad, and by how much it is sped up, in m/s or rad/s."""
 
 NUDGES = 3
 """Random states from which each degree of freedom is moved by itself."""
@@ -75,6 +78,10 @@ class Responses:
     """No action."""
     looks: Sequence[Sequence[tuple[float, Look]]]
     """For every element of the action: its values, and what each did."""
+    moved: Look
+    """No action, with every hinge and slide elsewhere."""
+    moving: Look
+    """No action, with everything in motion."""
 
 
 class Prober:
@@ -120,8 +127,13 @@ class Prober:
         self._settling = self._steps_to_settle() + (2 * QUIET if self._frozen.noisy else 0)
         each = [[(share, self._look_at(self._only(k, share))) for share in _both_ways()] for k in range(self._act_dim)]
         none = self._look_at(self._idle)
+        model, rest = self._simulation.model, self._at_rest(self._idle)
+        elsewhere = rest.qpos.copy()
+        scalar = ~np.isin(model.jnt_type[model.dof_jntid], (FREE, BALL))
+        mujoco.mj_integratePos(model, elsewhere, NUDGE * scalar, 1.0)
+        moved, moving = (self._see(replace(rest, qpos=elsewhere)), self._see(replace(rest, qvel=rest.qvel + NUDGE)))
         self._frozen.pinned = True
-        return Responses(none, each)
+        return Responses(none, each, moved, moving)
 
     def _averaged(self, states: Sequence[State]) -> NDArray[np.float64]:
         """What each element says of each state, over several draws of noise that are each the same in all states."""
@@ -174,11 +186,11 @@ class Prober:
 
     def _nudged(self, base: State) -> Iterable[State]:
         model = self._simulation.model
-        for nudge in 0.05 * np.eye(model.nv):
+        for nudge in NUDGE * np.eye(model.nv):
             qpos = base.qpos.copy()
             mujoco.mj_integratePos(model, qpos, nudge, 1.0)
             yield State(qpos, base.qvel, base.action)
-        for nudge in 0.05 * np.eye(model.nv):
+        for nudge in NUDGE * np.eye(model.nv):
             yield State(base.qpos, base.qvel + nudge, base.action)
 
     def _control_dependence(self) -> NDArray[np.bool_]:
@@ -228,7 +240,9 @@ class Prober:
         return max(0, last_news - 1)
 
     def _look_at(self, action: NDArray[np.float32]) -> Look:
-        state = self._at_rest(action)
+        return self._see(self._at_rest(action))
+
+    def _see(self, state: State) -> Look:
         self._frozen.see_all([state] * self._settling)
         return self._frozen.look(state)
 

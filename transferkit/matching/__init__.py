@@ -4,7 +4,7 @@ from transferkit.matching.align import distance
 from transferkit.matching.earlier import earlier_match
 from transferkit.matching.explain import coverage, explain
 from transferkit.matching.files import as_plain, check_match, load_match, save_match
-from transferkit.matching.limits import Limit, limits, mean_reach, reach
+from transferkit.matching.limits import Limit, Unlike, limits, mean_reach, reach, unlike
 from transferkit.matching.make import find_pairing, match_for
 from transferkit.matching.match import Match, angle_pairs, compiled, padded
 from transferkit.matching.pair import pair
@@ -19,6 +19,7 @@ __all__ = [
     "Limit",
     "Match",
     "Pairing",
+    "Unlike",
     "Unmatched",
     "angle_pairs",
     "as_plain",
@@ -37,5 +38,6 @@ __all__ = [
     "pair",
     "reach",
     "save_match",
+    "unlike",
     "unmatched",
 ]

@@ -6,19 +6,26 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from transferkit.matching.limits import limits
+from transferkit.matching.limits import limits, unlike
 from transferkit.matching.scales import gravity_scale
 from transferkit.matching.unmatched import unmatched
 
 if TYPE_CHECKING:
     from transferkit.matching.match import Match
     from transferkit.pairing import Copy, Pairing
-    from transferkit.spec import IOSpec
+    from transferkit.spec import Feedback, IOSpec
 
 KEPT = {
     "acceleration": "an action keeps the acceleration that it causes",
     "load": "an action keeps its torque for the robot's weight and length",
     "greater": "an action keeps its torque for the robot's weight and length, or on a lighter one what its acceleration takes",
+}
+
+
+ACTS: Mapping[Feedback, str] = {
+    "": "is a force",
+    "position": "is held by a force that depends on the joint's position",
+    "velocity": "is held by a force that depends on the joint's velocity",
 }
 
 
@@ -46,7 +53,11 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
     unread = [(one.name, target.model_names[one.name], one.why) for one in left_out if one.kind == "target joint"]
     lines += [f"  the target's joint {name} ({model_name}) = not matched: {why}" for name, model_name, why in unread]
     idle = {one.name: one.why for one in left_out if one.kind == "action"}
-    return "\n".join([*lines, *_actions(match, source, target, idle), *_limits(match, source, target)])
+    lines += [*_actions(match, source, target, idle), *_limits(match, source, target)]
+    unlikes = unlike(match, source, target)
+    return "\n".join(
+        [*lines, *(f"  differs: action {one.name} {ACTS[one.feedback]}, the core's {ACTS[one.wanted]}" for one in unlikes)]
+    )
 
 
 def _scales(pairing: Pairing, gravity: float) -> str:

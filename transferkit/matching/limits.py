@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from transferkit.matching.match import Match
     from transferkit.pairing import Combination
-    from transferkit.spec import Actuator, IOSpec, Joint
+    from transferkit.spec import Actuator, Feedback, IOSpec, Joint
 
 EXACT = 1e-6
 """Force, as a share of an actuator's range, that counts as none."""
@@ -36,9 +36,31 @@ def limits(match: Match, source: IOSpec, target: IOSpec) -> list[Limit]:
     """List what the target can do little of."""
     found = [*_hinges(match, source, target)]
     biases = match.action_bias or (0.0,) * target.act_dim
+    left = [max(actuator.left) for actuator in source.action] * match.copies
     for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
-        found.append(Limit("action", actuator.name, round(_possible(actuator, sum(map(abs, row)), bias), 4)))
+        size = sum(abs(weight) * share for weight, share in zip(row, left, strict=True))
+        found.append(Limit("action", actuator.name, round(_possible(actuator, size, bias), 4)))
     return [limit for limit in found if limit.share < ENOUGH]
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """An action of the target whose force depends on something else than the force of what it is matched with."""
+
+    name: str
+    feedback: Feedback
+    wanted: Feedback
+    """What the core's depends on."""
+
+
+def unlike(match: Match, source: IOSpec, target: IOSpec) -> list[Unlike]:
+    """List the actions that push where the core's hold, or the other way round."""
+    found: dict[tuple[str, Feedback], Unlike] = {}
+    for actuator, row in zip(target.action, match.action_weight, strict=True):
+        for k in (k for k, weight in enumerate(row) if weight):
+            if (other := source.action[k % source.act_dim].feedback) != actuator.feedback:
+                found[actuator.name, other] = Unlike(actuator.name, actuator.feedback, other)
+    return [*found.values()]
 
 
 def mean_reach(match: Match, source: IOSpec, target: IOSpec) -> float | None:
@@ -67,9 +89,9 @@ def _possible(actuator: Actuator, size: float, bias: float) -> float:
     """
     if not actuator.half_range or not size:
         return 1.0
-    still = -actuator.centre / actuator.half_range
-    up, down = bias + size - still, still - bias + size
-    shares = [max(0.0, has) / asked for has, asked in ((1 - still, up), (1 + still, down)) if asked > EXACT]
+    still, left = actuator.still, actuator.left
+    ends = ((1 + still) * left[0], still - bias + size), ((1 - still) * left[1], bias + size - still)
+    shares = [max(0.0, has) / asked for has, asked in ends if asked > EXACT]
     return min([1.0, *shares])
 
 

@@ -140,9 +140,9 @@ def action_bias(factors: NDArray, source: IOSpec, target: IOSpec) -> NDArray:
 
     An actuator that nothing drives does nothing, or as little as it can.
     """
-    own, others = (np.array([one.centre / one.half_range for one in spec.action]) for spec in (source, target))
+    own, others = (np.array([one.still for one in spec.action]) for spec in (source, target))
     copies = factors.shape[1] // max(1, source.act_dim)
-    return np.where(factors.any(axis=1), factors @ np.tile(own, copies) - others, np.clip(-others, -1.0, 1.0))
+    return np.where(factors.any(axis=1), others - factors @ np.tile(own, copies), np.clip(others, -1.0, 1.0)) + 0.0
 
 
 def same_mechanism(source: IOSpec, target: IOSpec, copy: Copy) -> bool:
