@@ -91,6 +91,8 @@ class Element:
     unit: str
     age: int = 0
     """Control steps since it was true: 0 for what is, 1 for what was one step before."""
+    values: tuple[float, ...] = ()
+    """Functions of position or velocity: what it says in a few states, the same ones for all robots with these joints."""
 
     def __post_init__(self) -> None:
         if self.coefficients and len(self.coefficients) != len(self.joints):

@@ -36,6 +36,7 @@ MODELS = {
     "filtered": ARM.format(
         '<actuator><general joint="turn" dyntype="filter" dynprm=".1" gainprm="7" ctrlrange="-1 1"/></actuator>'
     ),
+    "integrated": ARM.format('<actuator><intvelocity joint="turn" kp="5" actrange="-1 1" ctrlrange="-1 1"/></actuator>'),
     "tendon": ARM.format(
         '<tendon><fixed name="both"><joint joint="lift" coef="1"/><joint joint="turn" coef=".5"/></fixed></tendon>'
         '<actuator><motor tendon="both" ctrlrange="-1 1"/></actuator>'

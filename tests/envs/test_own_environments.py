@@ -181,13 +181,14 @@ def test_position_and_filtered_actuators_have_the_acceleration_that_they_cause()
     assert (lift.gear, turn.gear) == (50.0, 2.0)
     np.testing.assert_allclose(lift.authority, 50 / mass, rtol=1e-3)
     (filtered,) = derive_spec(Plain(MODELS["filtered"])).action
-    assert filtered.gear == 7.0
+    (integrated,) = derive_spec(Plain(MODELS["integrated"])).action
+    assert (filtered.gear, integrated.gear) == (7.0, 5.0)  # of an integrator, what a second of it gives
 
 
 def test_a_force_that_depends_on_the_state_is_no_motors():
     kinds = {name: [one.feedback for one in derive_spec(Plain(model)).action] for name, model in MODELS.items()}
     assert kinds.pop("position") == ["position", "velocity"]
-    assert kinds.pop("muscle") == ["position"]
+    assert kinds.pop("muscle") == kinds.pop("integrated") == ["position"]
     assert not any("".join(kind) for kind in kinds.values())
     motors, servo = derive_spec(Plain(MODELS["motors"])), derive_spec(Servo(MODELS["motors"]))
     assert [one.feedback for one in servo.action] == ["position", "position"]

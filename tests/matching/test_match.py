@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.envs.own import Plain
 from transferkit.envs import derive_spec, environment_ids
 from transferkit.matching import compiled, coverage, distance, explain, limits, pair, unmatched
 from transferkit.matching.align import hindrance
@@ -194,3 +195,40 @@ def test_mechanisms_are_as_far_apart_as_their_alignment_costs():
     assert distance(hopper, walker) == pytest.approx(distance(walker, hopper))
     assert 0 < distance(hopper, walker) < 0.5
     assert distance(derive_spec("dm_control/pendulum-swingup-v0"), derive_spec("Reacher-v5")) == 1  # one hangs, the others lie
+
+
+LEG = """<body pos="0 {place} -.2"><joint name="{name}hip" axis="0 1 0" range="-60 60"/>
+    <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".05"/></body>"""
+
+BIPED = """<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom type="box" size=".1 .2 .2"/>{}</body></worldbody>
+    <actuator><motor joint="{}hip" ctrlrange="-1 1"/><motor joint="{}hip" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def biped(first, second):
+    """Two legs under a box, each with its name and where it is to the left."""
+    legs = "".join(LEG.format(name=name, place=place) for name, place in (first, second))
+    return derive_spec(Plain(BIPED.format(legs, first[0], second[0])))
+
+
+def test_left_stands_for_left_and_the_same_name_for_itself():
+    source = biped(("left_", 0.1), ("right_", -0.1))
+    for target, hip in (
+        (biped(("R", -0.1), ("L", 0.1)), "Lhip"),
+        (biped(("L", 0.1), ("R", -0.1)), "Lhip"),
+        (biped(("a", 0.0), ("b", 0.0)), "ahip"),  # in order, where neither is on a side
+        (biped(("right_", 0.1), ("left_", -0.1)), "left_hip"),
+    ):
+        assert partners(pair(source, target), source, target)["left_hip"] == hip
+
+
+def test_what_has_no_form_is_the_number_with_the_same_values():
+    source = derive_spec("Ant-v5")
+    target = derive_spec("Ant-v5?vary.permute_observation=[1,2,3,4]")  # the quaternion, from wxyz to xyzw or so
+    match = compiled(pair(source, target), source, target)
+    assert [row.index(1.0) for row in match.weight[:6]] == [0, 2, 3, 4, 1, 5]
+    unnamed = replace(source, observation=tuple(replace(element, values=()) for element in source.observation))
+    match = compiled(pair(unnamed, target), unnamed, target)  # as in earlier files, which have no values
+    assert [row.index(1.0) for row in match.weight[:6]] == [0, 1, 2, 3, 4, 5]
+    longer = derive_spec("Ant-v5?vary.length.front_left_leg=1.2")
+    match = compiled(pair(source, longer), source, longer)
+    assert [row.index(1.0) for row in match.weight[1:5]] == [1, 2, 3, 4]

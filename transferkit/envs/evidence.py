@@ -106,7 +106,8 @@ class Prober:
         return Evidence(positions, velocities, controls, motion, actions, self._memory)
 
     def samples(self) -> Samples:
-        """Observe random states."""
+        """Observe random states: the same ones for every robot that has the same joints."""
+        self._rng = np.random.default_rng(0)
         states = [self._random_state() for _ in range(SAMPLES)]
         observation = self._averaged(states)
         model, data = self._simulation.model, self._simulation.data

@@ -25,6 +25,9 @@ TOLERANCE = 2e-5
 LARGEST_SUM = 5
 """Angles in a sum that are searched for signs."""
 
+FEW = 4
+"""States in which the value of what has no form is kept."""
+
 Dofs = NDArray[np.intp]
 
 
@@ -80,7 +83,12 @@ class Forms:
         if not names:
             return Element(label, "unknown" if self.elusive[i] else "constant", (), (), 0.0, "")
         quantity: Quantity = "function of velocity" if len(velocities) else "function of position"
-        return Element(label, quantity, names, (), 0.0, "")
+        return Element(label, quantity, names, (), 0.0, "", values=self._values(i))
+
+    def _values(self, i: int) -> tuple[float, ...]:
+        """What an element says in the first states, if that is certain."""
+        seen = self.samples.observation[:FEW, i]
+        return () if self.evidence.memory.doubt[i] or not np.ptp(seen) else tuple(float(f"{value:.5g}") + 0.0 for value in seen)
 
     def _position_form(self, y: NDArray, dofs: Dofs, tolerance: float) -> Element | None:
         position, height = self.samples.position, _matching_column(y, self.samples.height, tolerance)

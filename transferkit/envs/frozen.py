@@ -34,8 +34,8 @@ STEPPING = {"frame_skip": 1, "_n_sub_steps": 1, "legacy_step": False}
 STEPS = ("mj_step", "mj_step1", "mj_step2")
 """MuJoCo's functions that let time pass."""
 
-FOLLOWING = [int(kind) for kind in (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT, mujoco.mjtDyn.mjDYN_MUSCLE)]
-"""Dynamics of actuators whose activation goes where the control is."""
+FOLLOWING = [int(getattr(mujoco.mjtDyn, f"mjDYN_{kind}")) for kind in ("FILTER", "FILTEREXACT", "MUSCLE", "INTEGRATOR")]
+"""Dynamics of actuators whose activation goes where the control is, or of an integrator, is there in a second."""
 
 RESISTANCE = int(mujoco.mjtDisableBit.mjDSBL_LIMIT) | int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS)
 """What would hold a joint that an action pushes: the reference pose may be outside its range."""

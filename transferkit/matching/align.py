@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,12 +32,29 @@ BETWEEN = 0.3
 LIKE = 0.5
 """A limb is like another if to align them costs at most this share of leaving both out."""
 
-WEIGHTS = {"rest": 0.5, "length": 0.2, "mass": 0.1, "range": 0.3, "driven": 0.3, "strength": 0.1, "place": 0.5, "name": 0.01}
+WEIGHTS = {
+    "rest": 0.5,
+    "length": 0.2,
+    "mass": 0.1,
+    "range": 0.3,
+    "driven": 0.3,
+    "strength": 0.1,
+    "place": 0.5,
+    "name": 0.02,
+    "side": 0.012,
+    "order": 0.01,
+}
 """Price of each kind of difference between two joints, for a difference of one. Joints that may stand for each other and differ
 in nearly all of them still cost less than two gaps."""
 
 FARTHEST = 0.8
 """Largest difference of where two loads rest, as one minus the cosine of the angle between them."""
+
+BESIDE = 0.02
+"""How far from a middle plane, as a share of the robot's size, a joint still lies on neither side of it."""
+
+BALANCED = 0.03
+"""How far a load's centre of mass is from its joint, as a share of the robot's size, if it is all but balanced there."""
 
 LARGEST = 2.0
 """Bound of the logarithms of ratios."""
@@ -63,6 +80,8 @@ class Feature:
     """Of the strongest in its spec, with the actuators of one joint together; 0 if it is not driven."""
     place: float
     """0 at the world, 1 at a joint that carries none: the share of the way between, in metres or else in joints."""
+    side: tuple[float, float]
+    """1 in front of and to the left of the first joint, -1 behind and to the right, 0 beside neither; 0 if it is not known."""
     order: float
     """Between 0 and 1: only what is alike in everything else is taken in order."""
 
@@ -144,6 +163,21 @@ def distance(source: IOSpec, target: IOSpec) -> float:
     return align(source, target).cost / (GAP * max(1, len(source.joints) + len(target.joints)))
 
 
+def balanced(joints: Sequence[Joint]) -> list[Joint]:
+    """Shorten the direction in which a load rests that is all but balanced on its joint: a little more on one side turns it."""
+    anchors = [joint.anchor or (0.0, 0.0, 0.0) for joint in joints]
+    size = max(
+        (math.dist(anchor, anchors[0]) + joint.length for anchor, joint in zip(anchors, joints, strict=True)), default=0.0
+    )
+    return [replace(joint, rest=_shortened(joint, BALANCED * size)) for joint in joints]
+
+
+def _shortened(joint: Joint, least: float) -> tuple[float, float, float]:
+    share = min(1.0, joint.length / least) if least else 1.0
+    x, y, z = (share * part for part in joint.rest)
+    return x, y, z
+
+
 def hindrance(joint: Joint, others: Iterable[Joint]) -> str | None:
     """Say why none of the other robot's joints can stand for one, or None if one can."""
     for lacking, holds in NEEDED:
@@ -165,16 +199,17 @@ def difference(one: Feature, other: Feature) -> float:
         "driven": float((one.torque > 0) != (other.torque > 0)),
         "strength": _ratio(one.torque, other.torque),
         "place": abs(one.place - other.place),
-        "name": (one.joint.model_name != other.joint.model_name) + abs(one.order - other.order),
+        "side": float(any(own * another < 0 for own, another in zip(one.side, other.side, strict=True))),
+        "name": float(one.joint.model_name != other.joint.model_name),
+        "order": abs(one.order - other.order),
     }
     return sum(WEIGHTS[name] * value for name, value in apart.items())
 
 
 def _rest(one: Joint, other: Joint) -> float:
     """How differently two loads rest, as one minus the cosine; what is balanced on its joint is at a right angle to others."""
-    if not any(one.rest) and not any(other.rest):
-        return 0.0
-    return 1.0 - float(np.dot(one.rest, other.rest))
+    largest = max(float(np.dot(joint.rest, joint.rest)) for joint in (one, other))
+    return largest - float(np.dot(one.rest, other.rest))
 
 
 NEEDED: Sequence[tuple[str, Callable[[Joint, Joint], bool]]] = (
@@ -204,17 +239,25 @@ def _features(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, Feature]:
     places = _places(spec, tree, metric=metric)
     lengths = _shares({joint.name: joint.length for joint in spec.joints})
     masses, strengths = _shares({joint.name: joint.mass for joint in spec.joints}), _shares(torques)
+    sides, joints = _sides(spec.joints), balanced(spec.joints)
     return {
-        joint.name: Feature(
-            joint, lengths[joint.name], masses[joint.name], strengths[joint.name], places[joint.name], k / len(spec.joints)
-        )
-        for k, joint in enumerate(spec.joints)
+        name: Feature(joint, lengths[name], masses[name], strengths[name], places[name], sides[name], k / len(spec.joints))
+        for k, (name, joint) in enumerate((joint.name, joint) for joint in joints)
     }
 
 
 def _shares(values: Mapping[str, float]) -> dict[str, float]:
     largest = max(values.values(), default=0.0)
     return {name: value / largest if largest > 0 else 0.0 for name, value in values.items()}
+
+
+def _sides(joints: Sequence[Joint]) -> dict[str, tuple[float, float]]:
+    """Where each joint is from the first, forwards and to the left."""
+    if not joints or any(joint.anchor is None for joint in joints):
+        return {joint.name: (0.0, 0.0) for joint in joints}
+    away = np.array([joint.anchor for joint in joints]) - joints[0].anchor
+    signs = np.sign(away) * (np.abs(away) > BESIDE * np.linalg.norm(away, axis=1).max())
+    return {joint.name: (float(row[0]), float(row[1])) for joint, row in zip(joints, signs, strict=True)}
 
 
 def _places(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, float]:

@@ -12,7 +12,7 @@ from transferkit.config.checks import check_kind
 from transferkit.env_id import EnvId
 from transferkit.errors import ConfigError, UnknownNameError
 from transferkit.files import check_new, new_file
-from transferkit.matching.limits import Limit
+from transferkit.matching.limits import Limit, Unlike
 from transferkit.matching.unmatched import Unmatched
 from transferkit.pairing import Pairing
 from transferkit.reading import FormatError, parse_yaml, read_bytes
@@ -61,6 +61,7 @@ class Report(Pairing):
     holds: bool | None = None
     unmatched: list[Unmatched] | None = None
     limits: list[Limit] | None = None
+    unlike: list[Unlike] | None = None
 
 
 def as_plain(pairing: Pairing) -> dict[str, Any]:

@@ -6,12 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from transferkit.spec import Feedback  # noqa: TC001 - a match file is compared with it when it is read
+
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from transferkit.matching.match import Match
     from transferkit.pairing import Combination
-    from transferkit.spec import Actuator, Feedback, IOSpec, Joint
+    from transferkit.spec import Actuator, IOSpec, Joint
 
 EXACT = 1e-6
 """Force, as a share of an actuator's range, that counts as none."""

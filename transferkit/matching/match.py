@@ -23,15 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.errors import ConfigError, reason_of
+from transferkit.matching.formless import FORMLESS, counterpart
 from transferkit.matching.scales import gravity_scale, similarity, steps_of
 from transferkit.pairing import Pairing
 
 if TYPE_CHECKING:
     from transferkit.pairing import Combination, Copy
     from transferkit.spec import Element, IOSpec
-
-FORMLESS = ("height", "function of position", "function of velocity", "force", "time", "constant", "unknown")
-"""Quantities that no combination of others gives."""
 
 SAME_AGE = 0.1
 """Difference of two ages, as a share of them, up to which they count as one."""
@@ -265,8 +263,8 @@ class _Rows:
         if element.quantity == "action":
             return self._acted(element) or none
         if element.quantity in FORMLESS:
-            same = [_alike(element, other) for other in self._target.observation]
-            return self._linear(np.eye(len(same))[same.index(True)]) if self._twin and any(same) else none
+            place = counterpart(element, self._source, self._target) if self._twin else None
+            return none if place is None else self._linear(np.eye(self._target.obs_dim)[place])
         if not element.coefficients or any(name not in self._copy.joints for name in element.joints):
             return none
         return self._taken(element) or self._solved(element) or none
@@ -343,8 +341,3 @@ class _Rows:
     def _linear(self, weight: Sequence[float] | NDArray, bias: float = 0.0) -> Row:
         """Read a combination of what the target observes, without its angles."""
         return np.concatenate([weight, np.zeros(len(self._basis.ages) - len(weight))]), bias, "linear"
-
-
-def _alike(element: Element, other: Element) -> bool:
-    """Whether two elements without a form say the same; what they respond to is found with random states and may differ."""
-    return all(getattr(element, name) == getattr(other, name) for name in ("name", "quantity", "unit", "age"))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from transferkit.matching.align import hindrance
-from transferkit.matching.match import FORMLESS
+from transferkit.matching.align import balanced, hindrance
+from transferkit.matching.formless import FORMLESS
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -35,13 +35,18 @@ def unmatched(match: Match, source: IOSpec, target: IOSpec) -> list[Unmatched]:
     for k in range(match.copies):
         joints = copies[k].joints if copies else None
         if joints is not None:
-            found += [Unmatched("joint", *one, k + 1) for one in _left_out(source.joints, joints, target.joints, read)]
+            found += [
+                Unmatched("joint", *one, k + 1)
+                for one in _left_out(balanced(source.joints), joints, balanced(target.joints), read)
+            ]
         forms = match.form[k * source.obs_dim :][: source.obs_dim]
         inputs = [element for element, form in zip(source.observation, forms, strict=True) if form == "none"]
         found += [Unmatched("core input", element.name, _why(element, joints), k + 1) for element in inputs]
     if copies:
         stand = {name for copy in copies for name in copy.joints}
-        found += [Unmatched("target joint", *one) for one in _left_out(target.joints, read, source.joints, stand)]
+        found += [
+            Unmatched("target joint", *one) for one in _left_out(balanced(target.joints), read, balanced(source.joints), stand)
+        ]
     idle = [actuator for actuator, row in zip(target.action, match.action_weight, strict=True) if not any(row)]
     return [*found, *(Unmatched("action", actuator.name, _why_idle(actuator)) for actuator in idle)]
 
