@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from transferkit.spec import Feedback  # noqa: TC001 - a match file is compared with it when it is read
+from transferkit.spec import Feedback
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
