@@ -34,7 +34,7 @@ class Learner:
 
     def __call__(self, weights: Sequence[Tensor], *inputs: Tensor) -> Any:  # noqa: ANN401 - what the module returns
         """Call the module with these weights."""
-        return functional_call(self.module, self._named(weights), inputs)
+        return functional_call(self.module, self._named(weights), inputs, tie_weights=False)
 
     def descend(self, loss: Tensor, weights: Sequence[Tensor], rates: Tensor) -> None:
         """Step down the gradient of the loss, if any part learns; `rates` are those of this step."""
