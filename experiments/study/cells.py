@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.matrix.table import Row
+from experiments.report.verdict import FEW
 from experiments.study.rooms import Study
 from transferkit import stats
 
@@ -65,9 +66,9 @@ def mean_interval(_: Study, rows: Sequence[Row], __: Sequence[Row]) -> str:
 
 
 def iqm_interval(_: Study, rows: Sequence[Row], __: Sequence[Row]) -> str:
-    """Interquartile mean with its bootstrap interval."""
+    """Interquartile mean with its bootstrap interval; of so few runs that this is but their range, alone."""
     scores = by_member(rows).ravel()
-    return interval(stats.iqm(scores), *stats.iqm_interval(scores))
+    return whole(stats.iqm(scores)) if len(scores) < FEW else interval(stats.iqm(scores), *stats.iqm_interval(scores))
 
 
 def each(_: Study, rows: Sequence[Row], __: Sequence[Row]) -> str:
