@@ -36,7 +36,7 @@ def test_a_rung_by_hand(tmp_path):
     assert told["end: core, scratch"] == "102, 48"
     assert told["below scratch's lower quartile"] == "0%"
     assert told["steps saved"] == "> 2 (2 to 2) to 75"  # 1000 against more than 2000
-    assert told["verdict"] == "transfer"
+    assert told["verdict"] == "transfer, of one member"
     (tmp_path / "grid.toml").write_text('targets = ["Walker2d-v5"]')
     stated = SimpleNamespace(rows=rows, groups=compare(rows), curves=curves, folder=tmp_path)
     _, line = rungs(stated, thresholds={"Walker2d-v5": 25.0})
