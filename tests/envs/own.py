@@ -212,6 +212,14 @@ class Servo(Plain):
         return super().step(2 * (action - self.state.qpos) - self.state.qvel)
 
 
+class Pushed(Plain):
+    """Pushes its joints without actuators."""
+
+    def step(self, action):
+        self.state.qfrc_applied[:] = 3 * (action - 1)
+        return super().step(0 * action)
+
+
 class WaitsForTheClock(Plain):
     """Steps until a time has come."""
 

@@ -17,6 +17,7 @@ from tests.envs.own import (
     LowPassAction,
     NeedsAnAction,
     Plain,
+    Pushed,
     Repeat,
     Scaled,
     Servo,
@@ -216,6 +217,8 @@ def test_a_force_is_counted_from_the_action_that_causes_none(wrapped, rest, adde
     assert spec.action[0].rest == rest
     assert compiled(pair(core.spec, spec), core.spec, spec).action_bias == pytest.approx(added)
     assert compiled(pair(spec, spec), spec, spec).action_bias == ()
+    pushed = derive_spec(Pushed(MODELS["motors"]))
+    assert [(one.rest, one.gear) for one in pushed.action] == [(1.0, 3.0), (1.0, 3.0)]
 
 
 def test_what_a_clip_leaves_of_a_force_is_known():

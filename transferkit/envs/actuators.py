@@ -68,7 +68,11 @@ def _actuator(
     model_name = "+".join(actuator_name(model, int(i)) for i in driven) or f"action{k}"
     dof = _only_dof(looks, none, driven, model)
     feedback = _feedback(responses, looks)
-    rest = 0.0 if feedback else _rest(low, high, driven, none, looks)
+    told = [
+        one.control[driven] if len(driven) else one.force[[] if dof is None else [dof]]
+        for one in (looks[0][1], looks[1][1], none)
+    ]
+    rest = 0.0 if feedback else _rest(low, high, looks[0][0], told)
     if dof is None:
         return replace(_unknown(k, low, high), name=model_name, model_name=model_name, rest=rest, feedback=feedback)
     joint, half_range = joints[dof], (high - low) / 2
@@ -90,17 +94,17 @@ def _actuator(
     )
 
 
-def _rest(low: float, high: float, driven: NDArray[np.intp], none: Look, looks: Sequence[tuple[float, Look]]) -> float:
-    """The action at which all controls that it drives are zero; 0 if there is none, or it cannot be told.
+def _rest(low: float, high: float, share: float, told: Sequence[NDArray]) -> float:
+    """The action at which all that it changes is zero; 0 if there is none, or it cannot be told.
 
-    It cannot where a small action changes a control by another amount one way than the other.
+    `told` is that with an action of this share, of minus this share, and of zero. It cannot be told where a small action
+    changes something by another amount one way than the other.
     """
-    (share, up), (_, down) = looks[:2]
-    change = (up.control - down.control)[driven]
-    uneven = (up.control + down.control - 2 * none.control)[driven]
-    if not len(driven) or not change.all() or (np.abs(uneven) > EVEN * np.abs(change)).any():
+    up, down, none = told
+    change, uneven = up - down, up + down - 2 * none
+    if not len(none) or not change.all() or (np.abs(uneven) > EVEN * np.abs(change)).any():
         return 0.0
-    actions = -none.control[driven] * 2 * share / change
+    actions = -none * 2 * share / change
     at = (low + high) / 2 + (high - low) / 2 * float(actions[0])
     return float(f"{at:.6g}") + 0.0 if np.ptp(actions) < EVEN and abs(at) > EVEN * (high - low) else 0.0
 
