@@ -92,7 +92,9 @@ class Element:
     age: int = 0
     """Control steps since it was true: 0 for what is, 1 for what was one step before."""
     values: tuple[float, ...] = ()
-    """Functions of position or velocity: what it says in a few states, the same ones for all robots with these joints."""
+    """Functions of position or velocity: what it says in a few states, the same for robots with the same joints and ranges."""
+    doubt: float = 0.0
+    """How far, for noise, those may be off."""
 
     def __post_init__(self) -> None:
         if self.coefficients and len(self.coefficients) != len(self.joints):
@@ -119,10 +121,13 @@ class Actuator:
     authority: float
     """Acceleration of the joint, in m/s^2 or rad/s^2, that an action of 1 adds at the reference pose; 0 if unknown."""
     unit: str
-    rest: float = 0.0
-    """The environment's action at which it is told nothing, and exerts no force."""
-    feedback: Feedback = ""
+    rest: float | None = None
+    """The environment's action at which it is told nothing, or exerts no force, or as little as it can; None if that is not
+    known, as in earlier records."""
+    feedback: Feedback | None = None
     """What its force depends on besides the action: a servo's on the joint's position, or on its velocity alone."""
+    stiffness: float = 0.0
+    """Of a servo: force or torque that it has less for each m or rad, or m/s or rad/s, further on."""
     forces: tuple[float, float] | None = None
     """What it has at its low and its high, where a clip leaves less than `gear` says; None if none does."""
 
@@ -139,12 +144,12 @@ class Actuator:
     @property
     def still(self) -> float:
         """The action at which it exerts no force, counted from its centre in half ranges."""
-        return (self.rest - self.centre) / self.half_range
+        return ((self.rest or 0.0) - self.centre) / self.half_range
 
     @property
     def left(self) -> tuple[float, float]:
         """The shares that clips leave of the force at its low and at its high."""
-        promised = [self.gear * (end - self.rest) for end in (self.low, self.high)]
+        promised = [self.gear * (end - (self.rest or 0.0)) for end in (self.low, self.high)]
         low, high = (force / most if most else 1.0 for force, most in zip(self.forces or promised, promised, strict=True))
         return low, high
 

@@ -220,6 +220,22 @@ class Pushed(Plain):
         return super().step(0 * action)
 
 
+class Adding(Plain):
+    """Moves its controls by an action from where they are."""
+
+    def step(self, action):
+        self.state.ctrl[:] = np.clip(self.state.ctrl + 0.02 * action, -1, 1)
+        mujoco.mj_step(self.robot, self.state, 5)
+        return self._observe(), 1.0, False, False, {}
+
+
+class NoisyAction(gymnasium.ActionWrapper):
+    """Adds noise to an action."""
+
+    def action(self, action):
+        return action + self.np_random.normal(0, 0.05, action.shape)
+
+
 class WaitsForTheClock(Plain):
     """Steps until a time has come."""
 

@@ -1,5 +1,7 @@
 """What users bring goes through every call: derived, matched with itself to the bit, wrapped, evaluated, recorded."""
 
+from dataclasses import replace
+
 import gymnasium
 import mujoco
 import numpy as np
@@ -14,8 +16,10 @@ from tests.envs.own import (
     MODELS,
     PENDULUM,
     STACKS,
+    Adding,
     LowPassAction,
     NeedsAnAction,
+    NoisyAction,
     Plain,
     Pushed,
     Repeat,
@@ -195,8 +199,9 @@ def test_a_force_that_depends_on_the_state_is_no_motors():
     assert [one.feedback for one in servo.action] == ["position", "position"]
     match = compiled(pair(motors, servo), motors, servo)
     assert unlike(match, motors, servo) == [Unlike(one.name, "position", "") for one in servo.action]
-    assert "differs: action drive.slide_z is held by a force that depends on the joint's position, the core's is a force" in (
-        explain(match, motors, servo)
+    assert (
+        "differs: the force of action drive.slide_z depends on the joint's position, too; the core's depends on nothing else"
+        in (explain(match, motors, servo))
     )
     assert not unlike(compiled(pair(servo, servo), servo, servo), servo, servo)
 
@@ -208,17 +213,51 @@ def test_a_force_that_depends_on_the_state_is_no_motors():
         (lambda: RescaleAction(pendulum(), 2, 6), 4.0, ()),
         (lambda: TransformAction(pendulum(), lambda action: action + 0.6, None), -0.6, (-0.2,)),
         (lambda: TransformAction(pendulum(), lambda action: 0.5 - 2 * action, None), 0.25, (0.25 / 3,)),
+        (lambda: TransformAction(pendulum(), lambda action: 3 * np.tanh(action + 0.6), None), -0.6, (-0.2,)),
+        (lambda: TransformAction(pendulum(), lambda action: np.clip(action + 3, -3, 3), None), -3.0, (-1.0,)),
+        (lambda: RescaleAction(TransformAction(pendulum(), lambda action: np.round(4 * action) / 4, None), 0, 1), 0.5, ()),
+        (lambda: RescaleAction(NoisyAction(pendulum()), 0, 1), 0.5, ()),
         (lambda: LowPassAction(pendulum()), 0.0, ()),
         (lambda: StickyAction(pendulum(), 0.25), 0.0, ()),
     ],
 )
 def test_a_force_is_counted_from_the_action_that_causes_none(wrapped, rest, added):
     core, spec = load_core("inverted-pendulum-v1"), derive_spec(wrapped())
-    assert spec.action[0].rest == rest
-    assert compiled(pair(core.spec, spec), core.spec, spec).action_bias == pytest.approx(added)
+    assert spec.action[0].rest == pytest.approx(rest, rel=1e-3)
+    assert compiled(pair(core.spec, spec), core.spec, spec).action_bias == pytest.approx(added, rel=1e-3)
     assert compiled(pair(spec, spec), spec, spec).action_bias == ()
     pushed = derive_spec(Pushed(MODELS["motors"]))
     assert [(one.rest, one.gear) for one in pushed.action] == [(1.0, 3.0), (1.0, 3.0)]
+
+
+def test_noise_on_actions_is_averaged():
+    (noisy,) = derive_spec(NoisyAction(pendulum())).action
+    assert (noisy.gear, noisy.feedback) == (pytest.approx(100, rel=0.02), "")
+
+
+def test_an_action_that_adds_up_is_not_known(caplog):
+    assert [one.joint for one in derive_spec(Adding(MODELS["motors"])).action] == [None, None]
+    assert caplog.messages == ["what an action of Adding does adds up with those before it, and is not known"]
+
+
+def test_an_actuator_of_an_earlier_file_is_as_its_like():
+    now = derive_spec(RescaleAction(pendulum(), 0, 1))
+    earlier = replace(now, action=tuple(replace(one, rest=None, feedback=None) for one in now.action))
+    assert compiled(pair(earlier, now), earlier, now).action_bias == ()
+    servo = derive_spec(Plain(MODELS["position"]))
+    earlier = replace(servo, action=tuple(replace(one, feedback=None) for one in servo.action))
+    assert not unlike(compiled(pair(earlier, servo), earlier, servo), earlier, servo)
+
+
+def test_servos_go_to_the_same_place():
+    arm = '<actuator><position joint="lift" kp="{}" ctrlrange="{}"/></actuator>'
+    source, stiffer, wider = (
+        derive_spec(Plain(ARM.format(arm.format(*one)))) for one in ((50, "-1 1"), (200, "-1 1"), (50, "0 4"))
+    )
+    assert (source.action[0].stiffness, stiffer.action[0].stiffness) == (50, 200)
+    assert compiled(pair(source, stiffer), source, stiffer).action_weight == ((1.0,),)
+    match = compiled(pair(source, wider), source, wider)
+    assert (match.action_weight, match.action_bias) == (((0.5,),), (-1.0,))  # 1 m is half of 2, and 0 m the low end
 
 
 def test_what_a_clip_leaves_of_a_force_is_known():
@@ -231,6 +270,8 @@ def test_what_a_clip_leaves_of_a_force_is_known():
     joint = ARM.replace('axis="0 1 0"', 'axis="0 1 0" actuatorfrcrange="-1 4"')
     (turn,) = derive_spec(Plain(joint.format('<actuator><motor joint="turn" gear="8" ctrlrange="-1 1"/></actuator>'))).action
     assert (turn.gear, turn.forces, turn.left) == (8.0, (-1.0, 4.0), (0.125, 0.5))
+    dead = derive_spec(f"{PENDULUM}?vary.dead_actuator=[0]")
+    assert limits(compiled(pair(core.spec, dead), core.spec, dead), core.spec, dead) == [Limit("action", "drive.slide_x", 0.0)]
     (turn,) = derive_spec(Plain(joint.format('<actuator><motor joint="turn" gear="8" ctrlrange="0 1"/></actuator>'))).action
     assert (turn.rest, turn.left) == (0.0, (1.0, 0.5))
 

@@ -204,21 +204,37 @@ BIPED = """<mujoco><worldbody><body pos="0 0 1"><freejoint/><geom type="box" siz
     <actuator><motor joint="{}hip" ctrlrange="-1 1"/><motor joint="{}hip" ctrlrange="-1 1"/></actuator></mujoco>"""
 
 
-def biped(first, second):
+POLE = """<mujoco><worldbody><body><joint name="rail" type="slide" axis="1 0 0"/><geom size=".1"/>
+    <body><joint name="pole" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0 0 {}" size=".05"/></body></body></worldbody>
+    <actuator><motor joint="rail" ctrlrange="-1 1"/></actuator></mujoco>"""
+
+
+def biped(first, second, before="<worldbody>"):
     """Two legs under a box, each with its name and where it is to the left."""
     legs = "".join(LEG.format(name=name, place=place) for name, place in (first, second))
-    return derive_spec(Plain(BIPED.format(legs, first[0], second[0])))
+    return derive_spec(Plain(BIPED.replace("<worldbody>", before).format(legs, first[0], second[0])))
 
 
-def test_left_stands_for_left_and_the_same_name_for_itself():
+def test_left_stands_for_left_whatever_it_is_called():
     source = biped(("left_", 0.1), ("right_", -0.1))
     for target, hip in (
         (biped(("R", -0.1), ("L", 0.1)), "Lhip"),
         (biped(("L", 0.1), ("R", -0.1)), "Lhip"),
         (biped(("a", 0.0), ("b", 0.0)), "ahip"),  # in order, where neither is on a side
-        (biped(("right_", 0.1), ("left_", -0.1)), "left_hip"),
+        (biped(("right_", 0.1), ("left_", -0.1)), "right_hip"),
+        (biped(("left_", 0.0), ("right_", 0.0)), "left_hip"),
     ):
         assert partners(pair(source, target), source, target)["left_hip"] == hip
+
+
+def test_a_goal_elsewhere_changes_nothing():
+    """Sides are those of the robot, and a pole is as upright as without it."""
+    goal = '<worldbody><body pos="20 20 0"><joint name="goal" type="slide" axis="1 0 0"/><geom size=".1"/></body>'
+    legs = [biped(("left_", 0.1), ("right_", -0.1)), biped(("R", -0.1), ("L", 0.1), goal)]
+    assert partners(pair(*legs), *legs)["left_hip"] == "Lhip"
+    poles = [derive_spec(Plain(POLE.replace("<worldbody>", goal).format(end))) for end in (0.6, -0.6)]
+    assert "pole" not in partners(pair(*poles), *poles)
+    assert partners(pair(poles[0], poles[0]), poles[0], poles[0])["pole"] == "pole"
 
 
 def test_what_has_no_form_is_the_number_with_the_same_values():

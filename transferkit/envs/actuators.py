@@ -11,24 +11,18 @@ from numpy.typing import NDArray
 
 from transferkit.envs.forms import digits_of
 from transferkit.envs.labels import unique
+from transferkit.envs.responses import EVEN, NEGLIGIBLE
 from transferkit.physics import mujoco
 from transferkit.spec import DRIVE, Actuator
 
 if TYPE_CHECKING:
-    from transferkit.envs.evidence import Responses
-    from transferkit.envs.frozen import Look
+    from transferkit.envs.responses import Responses
     from transferkit.spec import Feedback, Joint
 
 SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 """Joints of one degree of freedom."""
 
-NEGLIGIBLE = 1e-6
-"""Of the largest force on a degree of freedom."""
-
-EVEN = 1e-3
-"""Difference of controls, as a share of what an action changes, that counts as none."""
-
-FAINT = 1e-2
+FAINT = 1e-4
 """Of the largest force that an action causes."""
 
 WHOLE = 0.99
@@ -39,8 +33,8 @@ def read_actuators(
     low: NDArray, high: NDArray, responses: Responses, model: mujoco.MjModel, joints: Sequence[Joint]
 ) -> list[Actuator]:
     """Describe each element of the action, with the bounds `(act_dim,)` that the environment states."""
-    rows = zip(low, high, responses.looks, strict=True)
-    found = [_actuator(k, float(a), float(b), responses, looks, model, joints) for k, (a, b, looks) in enumerate(rows)]
+    rows = enumerate(zip(low, high, strict=True))
+    found = [_actuator(k, float(a), float(b), responses, model, joints) for k, (a, b) in rows]
     names = unique([actuator.name for actuator in found])
     return [replace(actuator, name=name) for actuator, name in zip(found, names, strict=True)]
 
@@ -59,22 +53,17 @@ def _actuator(
     low: float,
     high: float,
     responses: Responses,
-    looks: Sequence[tuple[float, Look]],
     model: mujoco.MjModel,
     joints: Sequence[Joint],
 ) -> Actuator:
-    none = responses.none
-    driven = np.flatnonzero(np.any([look.control != none.control for _, look in looks], axis=0))
+    driven = responses.drives(k)
     model_name = "+".join(actuator_name(model, int(i)) for i in driven) or f"action{k}"
-    dof = _only_dof(looks, none, driven, model)
-    feedback = _feedback(responses, looks)
-    told = [
-        one.control[driven] if len(driven) else one.force[[] if dof is None else [dof]]
-        for one in (looks[0][1], looks[1][1], none)
-    ]
-    rest = 0.0 if feedback else _rest(low, high, looks[0][0], told)
+    dof, feedback = _only_dof(responses.pushes(k), driven, model), _feedback(k, responses)
+    resting = responses.rest[k]
+    rest = None if resting is None else _rounded((low + high) / 2 + (high - low) / 2 * resting[0], high - low)
     if dof is None:
         return replace(_unknown(k, low, high), name=model_name, model_name=model_name, rest=rest, feedback=feedback)
+    none, looks = responses.none, responses.looks[k]
     joint, half_range = joints[dof], (high - low) / 2
     forces = [(share, float(look.force[dof] - none.force[dof])) for share, look in looks]
     gear = float(f"{_steepest(forces) / half_range:.6g}") + 0.0
@@ -90,47 +79,46 @@ def _actuator(
         "N" if joint.type == "slide" else "N m",
         rest,
         feedback,
-        _clipped(dict(forces), gear * half_range, gear * ((low + high) / 2 - rest)),
+        _stiffness(dof, responses) if feedback else 0.0,
+        _clipped(dict(forces), gear * half_range, resting and (resting[0], float(resting[1].force[dof] - none.force[dof]))),
     )
 
 
-def _rest(low: float, high: float, share: float, told: Sequence[NDArray]) -> float:
-    """The action at which all that it changes is zero; 0 if there is none, or it cannot be told.
-
-    `told` is that with an action of this share, of minus this share, and of zero. It cannot be told where a small action
-    changes something by another amount one way than the other.
-    """
-    up, down, none = told
-    change, uneven = up - down, up + down - 2 * none
-    if not len(none) or not change.all() or (np.abs(uneven) > EVEN * np.abs(change)).any():
-        return 0.0
-    actions = -none * 2 * share / change
-    at = (low + high) / 2 + (high - low) / 2 * float(actions[0])
-    return float(f"{at:.6g}") + 0.0 if np.ptp(actions) < EVEN and abs(at) > EVEN * (high - low) else 0.0
+def _rounded(rest: float, width: float) -> float:
+    return float(f"{rest:.6g}") + 0.0 if abs(rest) > EVEN * width else 0.0
 
 
-def _feedback(responses: Responses, looks: Sequence[tuple[float, Look]]) -> Feedback:
-    """What the force of an action depends on besides it, if that changes it by more than next to nothing."""
-    still = responses.none.force
-    caused = np.max([np.abs(look.force - still) for _, look in looks], axis=0)
-    least = np.where(caused > NEGLIGIBLE * caused.max(initial=0.0), FAINT * caused, np.inf)
-    if (np.abs(responses.moved.force - still) > least).any():
-        return "position"
-    return "velocity" if (np.abs(responses.moving.force - still) > least).any() else ""
+def _feedback(k: int, responses: Responses) -> Feedback:
+    """What the force of an action depends on besides it."""
+    caused = responses.pushes(k)
+    least = np.where(caused > NEGLIGIBLE * caused.max(initial=0.0), FAINT * caused + responses.noise.force, np.inf)
+    kinds: tuple[Feedback, Feedback] = ("position", "velocity")
+    for one, kind in enumerate(kinds):
+        if any((np.abs(looks[1 + one].force - looks[0].force) > least).any() for looks in responses.elsewhere):
+            return kind
+    return ""
 
 
-def _clipped(forces: Mapping[float, float], promised: float, offset: float) -> tuple[float, float] | None:
+def _stiffness(dof: int, responses: Responses) -> float:
+    """By how much a servo's force falls as its joint moves, or else as it gets faster, where it does nothing."""
+    still, moved, moving = responses.elsewhere[0]
+    change = float(still.force[dof] - (moved if moved.force[dof] != still.force[dof] else moving).force[dof])
+    return float(f"{change / responses.nudges[dof]:.6g}") + 0.0 if responses.nudges[dof] else 0.0
+
+
+def _clipped(forces: Mapping[float, float], promised: float, rest: tuple[float, float] | None) -> tuple[float, float] | None:
     """What there is at either end of the action, where either has less than its slope promises."""
     ends = forces[-1.0], forces[1.0]
     if not promised or min(-ends[0] / promised, ends[1] / promised) > WHOLE:
         return None
-    low, high = (float(f"{end + offset:.6g}") + 0.0 for end in ends)
+    share, none = rest or (0.0, 0.0)
+    none = none if abs(share) <= 1 else promised * share
+    low, high = (float(f"{end - none:.6g}") + 0.0 for end in ends)
     return low, high
 
 
-def _only_dof(looks: Sequence[tuple[float, Look]], none: Look, driven: NDArray[np.intp], model: mujoco.MjModel) -> int | None:
+def _only_dof(forces: NDArray[np.float64], driven: NDArray[np.intp], model: mujoco.MjModel) -> int | None:
     """The one degree of freedom that an action pushes, or the one that its actuator is on."""
-    forces = np.max([np.abs(look.force - none.force) for _, look in looks], axis=0, initial=0.0)
     pushed = np.flatnonzero(forces > NEGLIGIBLE * forces.max(initial=0.0))
     if len(pushed):
         return int(pushed[0]) if len(pushed) == 1 else None

@@ -6,25 +6,22 @@ States are visited one after the other, once each; what an element says of a sta
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.frozen import State
-from transferkit.envs.memory import DRAWS, LONGEST, QUIET, SAMPLES, changed, measure_memory
+from transferkit.envs.joints import BALL, FREE
+from transferkit.envs.memory import DRAWS, SAMPLES, changed, measure_memory
 from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
-    from transferkit.envs.frozen import Frozen, Look
+    from transferkit.envs.frozen import Frozen
     from transferkit.envs.memory import Memory
     from transferkit.envs.simulation import Simulation
 
-FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
-
-NUDGE = 0.05
-"""How far a degree of freedom is moved, in m or rad, and by how much it is sped up, in m/s or rad/s."""
 
 NUDGES = 3
 """Random states from which each degree of freedom is moved by itself."""
@@ -37,9 +34,6 @@ MOTIONS, STEPS_PER_MOTION = 20, 10
 
 LIFT = 0.3
 """Metres by which a floating body is moved away from where it stands: contacts take most of the time."""
-
-SHARES = (1 / 64, 1.0)
-"""Actions that are tried each way: small ones are not clipped, large ones overcome friction."""
 
 
 @dataclass(frozen=True)
@@ -70,27 +64,13 @@ class Samples:
     """z of every body, body centre of mass, geom, site and of every subtree's centre of mass."""
 
 
-@dataclass(frozen=True)
-class Responses:
-    """What actions do at the reference pose."""
-
-    none: Look
-    """No action."""
-    looks: Sequence[Sequence[tuple[float, Look]]]
-    """For every element of the action: its values, and what each did."""
-    moved: Look
-    """No action, with every hinge and slide elsewhere."""
-    moving: Look
-    """No action, with everything in motion."""
-
-
 class Prober:
     """Moves an environment that is held still and watches it; the order of its methods fixes the random states."""
 
     def __init__(self, frozen: Frozen, simulation: Simulation, obs_dim: int, act_dim: int) -> None:
         self._frozen, self._simulation = frozen, simulation
         self._obs_dim, self._act_dim = obs_dim, act_dim
-        self._rng = np.random.default_rng(0)
+        self.rng = np.random.default_rng(0)
         self._start = simulation.data.qpos.copy()
         self._idle = np.zeros(act_dim, np.float32)
         self._memory = measure_memory(frozen, [self._random_state(self._random_action()) for _ in range(3)])
@@ -106,8 +86,8 @@ class Prober:
         return Evidence(positions, velocities, controls, motion, actions, self._memory)
 
     def samples(self) -> Samples:
-        """Observe random states: the same ones for every robot that has the same joints."""
-        self._rng = np.random.default_rng(0)
+        """Observe random states: the same ones for every robot that has the same joints and ranges."""
+        self.rng, self._start = np.random.default_rng(0), self._simulation.model.qpos0.copy()
         states = [self._random_state() for _ in range(SAMPLES)]
         observation = self._averaged(states)
         model, data = self._simulation.model, self._simulation.data
@@ -121,20 +101,6 @@ class Prober:
                 np.concatenate([x[:, 2] for x in (data.xpos, data.xipos, data.geom_xpos, data.site_xpos, data.subtree_com)])
             )
         return Samples(observation, np.array(position), np.array([state.qvel for state in states]), np.array(heights))
-
-    def responses(self) -> Responses:
-        """See what each action does at the reference pose."""
-        self._frozen.pinned = False  # an action that is late by chance comes in the end
-        self._settling = self._steps_to_settle() + (2 * QUIET if self._frozen.noisy else 0)
-        each = [[(share, self._look_at(self._only(k, share))) for share in _both_ways()] for k in range(self._act_dim)]
-        none = self._look_at(self._idle)
-        model, rest = self._simulation.model, self._at_rest(self._idle)
-        elsewhere = rest.qpos.copy()
-        scalar = ~np.isin(model.jnt_type[model.dof_jntid], (FREE, BALL))
-        mujoco.mj_integratePos(model, elsewhere, NUDGE * scalar, 1.0)
-        moved, moving = (self._see(replace(rest, qpos=elsewhere)), self._see(replace(rest, qvel=rest.qvel + NUDGE)))
-        self._frozen.pinned = True
-        return Responses(none, each, moved, moving)
 
     def _averaged(self, states: Sequence[State]) -> NDArray[np.float64]:
         """What each element says of each state, over several draws of noise that are each the same in all states."""
@@ -158,16 +124,16 @@ class Prober:
             if model.jnt_type[j] not in (FREE, BALL):
                 low, high = model.jnt_range[j] if model.jnt_limited[j] else (-2.0, 2.0)
                 middle, reach = (low + high) / 2, 0.45 * min(high - low, 4.0)
-                qpos[model.jnt_qposadr[j]] = self._rng.uniform(middle - reach, middle + reach)
+                qpos[model.jnt_qposadr[j]] = self.rng.uniform(middle - reach, middle + reach)
         floating = np.isin(model.jnt_type[model.dof_jntid], (FREE, BALL))
         slides = np.array([_angle_address(model, dof) is not None for dof in range(model.nv)], bool) & floating
-        move = np.where(floating, self._rng.uniform(-0.3, 0.3, model.nv), 0.0)
+        move = np.where(floating, self.rng.uniform(-0.3, 0.3, model.nv), 0.0)
         move[slides] += LIFT
         mujoco.mj_integratePos(model, qpos, move, 1.0)
-        return State(qpos, self._rng.uniform(-1.0, 1.0, model.nv), self._idle if action is None else action)
+        return State(qpos, self.rng.uniform(-1.0, 1.0, model.nv), self._idle if action is None else action)
 
     def _random_action(self) -> NDArray[np.float32]:
-        return self._rng.uniform(-1.0, 1.0, self._act_dim).astype(np.float32)
+        return self.rng.uniform(-1.0, 1.0, self._act_dim).astype(np.float32)
 
     def _only(self, k: int, share: float) -> NDArray[np.float32]:
         action = self._idle.copy()
@@ -187,11 +153,11 @@ class Prober:
 
     def _nudged(self, base: State) -> Iterable[State]:
         model = self._simulation.model
-        for nudge in NUDGE * np.eye(model.nv):
+        for nudge in 0.05 * np.eye(model.nv):
             qpos = base.qpos.copy()
             mujoco.mj_integratePos(model, qpos, nudge, 1.0)
             yield State(qpos, base.qvel, base.action)
-        for nudge in NUDGE * np.eye(model.nv):
+        for nudge in 0.05 * np.eye(model.nv):
             yield State(base.qpos, base.qvel + nudge, base.action)
 
     def _control_dependence(self) -> NDArray[np.bool_]:
@@ -227,33 +193,7 @@ class Prober:
     def _random_controls(self, model: mujoco.MjModel) -> NDArray[np.float64]:
         limited = model.actuator_ctrllimited.astype(bool)
         bounds = np.where(limited[:, None], model.actuator_ctrlrange, [-1.0, 1.0])
-        return bounds[np.arange(model.nu), self._rng.integers(0, 2, model.nu)]
-
-    def _steps_to_settle(self) -> int:
-        """Steps after the first until an action has reached the simulation as far as it ever does."""
-        looks = [self._frozen.look(self._at_rest(self._idle)) for _ in range(2 * QUIET)]
-        action, last_news = self._at_rest(self._random_action()), 0
-        looks = looks[-1:]
-        while len(looks) - 1 - last_news < 2 * QUIET and len(looks) < LONGEST:
-            looks.append(self._frozen.look(action))
-            if not looks[-1].like(looks[-2]):
-                last_news = len(looks) - 1
-        return max(0, last_news - 1)
-
-    def _look_at(self, action: NDArray[np.float32]) -> Look:
-        return self._see(self._at_rest(action))
-
-    def _see(self, state: State) -> Look:
-        self._frozen.see_all([state] * self._settling)
-        return self._frozen.look(state)
-
-    def _at_rest(self, action: NDArray[np.float32]) -> State:
-        model = self._simulation.model
-        return State(model.qpos0, np.zeros(model.nv), action)
-
-
-def _both_ways() -> Iterable[float]:
-    return (sign * share for share in SHARES for sign in (1, -1))
+        return bounds[np.arange(model.nu), self.rng.integers(0, 2, model.nu)]
 
 
 def _angle_address(model: mujoco.MjModel, dof: int) -> int | None:

@@ -83,12 +83,9 @@ class Forms:
         if not names:
             return Element(label, "unknown" if self.elusive[i] else "constant", (), (), 0.0, "")
         quantity: Quantity = "function of velocity" if len(velocities) else "function of position"
-        return Element(label, quantity, names, (), 0.0, "", values=self._values(i))
-
-    def _values(self, i: int) -> tuple[float, ...]:
-        """What an element says in the first states, if that is certain."""
-        seen = self.samples.observation[:FEW, i]
-        return () if self.evidence.memory.doubt[i] or not np.ptp(seen) else tuple(float(f"{value:.5g}") + 0.0 for value in seen)
+        seen, doubt = self.samples.observation[:FEW, i], float(f"{4 * evidence.memory.doubt[i]:.2g}")
+        values = tuple(float(f"{value:.5g}") + 0.0 for value in seen) if np.ptp(seen) > 2 * doubt else ()
+        return Element(label, quantity, names, (), 0.0, "", values=values, doubt=doubt if values else 0.0)
 
     def _position_form(self, y: NDArray, dofs: Dofs, tolerance: float) -> Element | None:
         position, height = self.samples.position, _matching_column(y, self.samples.height, tolerance)
@@ -169,6 +166,8 @@ def _least_squares(design: NDArray, y: NDArray, tolerance: float) -> NDArray | N
 
 
 def _matching_column(y: NDArray, columns: NDArray, tolerance: float) -> int | None:
+    if np.ptp(y) <= tolerance:  # what stands still is no height, of the ground neither
+        return None
     misfit = np.abs(columns - y[:, None]).max(axis=0)
     best = int(np.flatnonzero(misfit <= misfit.min() + 1e-9)[0])  # the first of those that differ by rounding
     return best if misfit[best] <= tolerance else None

@@ -196,7 +196,9 @@ def _near(now: NDArray[np.float64], then: NDArray[np.float64]) -> bool:
 def _settle_activations(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Let filters and muscles have what their control leads to."""
     settling = np.flatnonzero(np.isin(model.actuator_dyntype, FOLLOWING))
-    data.act[model.actuator_actadr[settling] + model.actuator_actnum[settling] - 1] = data.ctrl[settling]
+    low, high = np.where(model.actuator_actlimited[:, None].astype(bool), model.actuator_actrange, [-np.inf, np.inf]).T
+    last = model.actuator_actadr + model.actuator_actnum - 1
+    data.act[last[settling]] = np.clip(data.ctrl, low, high)[settling]
 
 
 def _of_bodies(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.float64]:

@@ -26,6 +26,7 @@ from transferkit.envs.joints import read_joints
 from transferkit.envs.labels import labels, unique
 from transferkit.envs.make import opened, recorded
 from transferkit.envs.memento import learning_wrappers, undisturbed
+from transferkit.envs.responses import Responder
 from transferkit.envs.simulation import open_simulation
 from transferkit.envs.vary import nominal
 from transferkit.envs.written import name_of
@@ -127,7 +128,12 @@ def _probed(
         made.reset(seed=0)
         with frozen:
             prober = Prober(frozen, simulation, obs_dim, act_dim)
-            actuators = read_actuators(made.low, made.high, prober.responses(), simulation.model, joints)
+            responses = Responder(frozen, simulation, act_dim, prober.rng).responses()
+            if responses.accumulates:
+                LOGGER.warning("what an action of %s does adds up with those before it, and is not known", name_of(made))
+                actuators = unknown_actuators(made.low, made.high)
+            else:
+                actuators = read_actuators(made.low, made.high, responses, simulation.model, joints)
             forms = Forms(
                 dict(enumerate(joints)),
                 prober.evidence(),

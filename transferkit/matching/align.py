@@ -40,8 +40,8 @@ WEIGHTS = {
     "driven": 0.3,
     "strength": 0.1,
     "place": 0.5,
+    "side": 0.03,
     "name": 0.02,
-    "side": 0.012,
     "order": 0.01,
 }
 """Price of each kind of difference between two joints, for a difference of one. Joints that may stand for each other and differ
@@ -165,11 +165,12 @@ def distance(source: IOSpec, target: IOSpec) -> float:
 
 def balanced(joints: Sequence[Joint]) -> list[Joint]:
     """Shorten the direction in which a load rests that is all but balanced on its joint: a little more on one side turns it."""
-    anchors = [joint.anchor or (0.0, 0.0, 0.0) for joint in joints]
-    size = max(
-        (math.dist(anchor, anchors[0]) + joint.length for anchor, joint in zip(anchors, joints, strict=True)), default=0.0
-    )
-    return [replace(joint, rest=_shortened(joint, BALANCED * size)) for joint in joints]
+    roots, anchors = _roots(joints), {joint.name: joint.anchor or (0.0, 0.0, 0.0) for joint in joints}
+    sizes = dict.fromkeys(roots.values(), 0.0)
+    for joint in joints:
+        root = roots[joint.name]
+        sizes[root] = max(sizes[root], math.dist(anchors[joint.name], anchors[root]) + joint.length)
+    return [replace(joint, rest=_shortened(joint, BALANCED * sizes[roots[joint.name]])) for joint in joints]
 
 
 def _shortened(joint: Joint, least: float) -> tuple[float, float, float]:
@@ -239,7 +240,7 @@ def _features(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, Feature]:
     places = _places(spec, tree, metric=metric)
     lengths = _shares({joint.name: joint.length for joint in spec.joints})
     masses, strengths = _shares({joint.name: joint.mass for joint in spec.joints}), _shares(torques)
-    sides, joints = _sides(spec.joints), balanced(spec.joints)
+    sides, joints = _sides(spec.joints, _roots(spec.joints), torques), balanced(spec.joints)
     return {
         name: Feature(joint, lengths[name], masses[name], strengths[name], places[name], sides[name], k / len(spec.joints))
         for k, (name, joint) in enumerate((joint.name, joint) for joint in joints)
@@ -251,13 +252,24 @@ def _shares(values: Mapping[str, float]) -> dict[str, float]:
     return {name: value / largest if largest > 0 else 0.0 for name, value in values.items()}
 
 
-def _sides(joints: Sequence[Joint]) -> dict[str, tuple[float, float]]:
-    """Where each joint is from the first, forwards and to the left."""
-    if not joints or any(joint.anchor is None for joint in joints):
+def _sides(joints: Sequence[Joint], roots: Mapping[str, str], torques: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Where each joint is from the middle of the first joints of what is driven, forwards and to the left."""
+    anchors = {joint.name: joint.anchor for joint in joints if joint.anchor is not None}
+    driven = {roots[name] for name, torque in torques.items() if torque} or {*roots.values()}
+    if len(anchors) < len(joints) or not joints:
         return {joint.name: (0.0, 0.0) for joint in joints}
-    away = np.array([joint.anchor for joint in joints]) - joints[0].anchor
-    signs = np.sign(away) * (np.abs(away) > BESIDE * np.linalg.norm(away, axis=1).max())
+    away = np.array([anchors[joint.name] for joint in joints]) - np.mean([anchors[root] for root in driven], axis=0)
+    size = max(np.linalg.norm(row) for joint, row in zip(joints, away, strict=True) if roots[joint.name] in driven)
+    signs = np.sign(away) * (np.abs(away) > BESIDE * size)
     return {joint.name: (float(row[0]), float(row[1])) for joint, row in zip(joints, signs, strict=True)}
+
+
+def _roots(joints: Sequence[Joint]) -> dict[str, str]:
+    """The first joint of the tree that each hangs in."""
+    roots: dict[str, str] = {}
+    for joint in joints:
+        roots[joint.name] = joint.name if joint.parent is None else roots[joint.parent]
+    return roots
 
 
 def _places(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, float]:

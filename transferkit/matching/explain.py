@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from transferkit.matching.formless import same_values
 from transferkit.matching.limits import limits, unlike
 from transferkit.matching.scales import gravity_scale
 from transferkit.matching.unmatched import unmatched
@@ -13,7 +14,7 @@ from transferkit.matching.unmatched import unmatched
 if TYPE_CHECKING:
     from transferkit.matching.match import Match
     from transferkit.pairing import Copy, Pairing
-    from transferkit.spec import Feedback, IOSpec
+    from transferkit.spec import Element, Feedback, IOSpec
 
 KEPT = {
     "acceleration": "an action keeps the acceleration that it causes",
@@ -23,10 +24,13 @@ KEPT = {
 
 
 ACTS: Mapping[Feedback, str] = {
-    "": "is a force",
-    "position": "is held by a force that depends on the joint's position",
-    "velocity": "is held by a force that depends on the joint's velocity",
+    "": "depends on nothing else",
+    "position": "depends on the joint's position, too",
+    "velocity": "depends on the joint's velocity, too",
 }
+
+
+NAMED = " (by its name alone)"
 
 
 def coverage(match: Match, source: IOSpec) -> tuple[float, float]:
@@ -55,9 +59,10 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
     idle = {one.name: one.why for one in left_out if one.kind == "action"}
     lines += [*_actions(match, source, target, idle), *_limits(match, source, target)]
     unlikes = unlike(match, source, target)
-    return "\n".join(
-        [*lines, *(f"  differs: action {one.name} {ACTS[one.feedback]}, the core's {ACTS[one.wanted]}" for one in unlikes)]
-    )
+    lines += [
+        f"  differs: the force of action {one.name} {ACTS[one.feedback]}; the core's {ACTS[one.wanted]}" for one in unlikes
+    ]
+    return "\n".join(lines)
 
 
 def _scales(pairing: Pairing, gravity: float) -> str:
@@ -84,9 +89,16 @@ def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec, why: Mapping[t
         weight, bias, form = match.weight[first + i], match.bias[first + i], match.form[first + i]
         terms = _terms({name: w for w, name in zip(weight, names, strict=True) if abs(w) > 1e-9})
         value = terms + (f" {bias:+g}" if abs(bias) > 1e-9 else "")
+        value += NAMED if form == "linear" and _by_name(element, weight, target) else ""
         text = {"none": why.get(("core input", element.name)), "linear": value}.get(form, f"{form}({value})")
         lines.append(f"  core input {element.name} = {text}")
     return lines
+
+
+def _by_name(element: Element, weight: Sequence[float], target: IOSpec) -> bool:
+    """Whether nothing but its name says that a function is the core's."""
+    reads = [other for other, w in zip(target.observation, weight, strict=False) if w]
+    return element.quantity.startswith("function") and not any(same_values(element, other) for other in reads)
 
 
 def _actions(match: Match, source: IOSpec, target: IOSpec, idle: Mapping[str, str]) -> list[str]:
@@ -109,6 +121,12 @@ def _limits(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
             what = f"action {one.name} has {one.share:.0%} of the force"
         lines.append(f"  limited: {what}{f' in copy {one.copy}' if one.copy and match.copies > 1 else ''}")
     return lines
+
+
+def _unlike(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
+    """A line for every action that holds where the core's pushes, or the other way round."""
+    every = unlike(match, source, target)
+    return [f"  differs: the force of action {one.name} {ACTS[one.feedback]}; the core's {ACTS[one.wanted]}" for one in every]
 
 
 def _terms(combination: Mapping[str, float]) -> str:

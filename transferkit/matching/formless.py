@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -12,7 +11,7 @@ FORMLESS = ("height", "function of position", "function of velocity", "force", "
 """Quantities that no combination of others gives."""
 
 SAME = 1e-3
-"""Difference of two values, as a share of them and in their unit, up to which they count as one."""
+"""Difference of two values, as a share of the largest, up to which they count as one."""
 
 
 def counterpart(element: Element, source: IOSpec, target: IOSpec) -> int | None:
@@ -21,10 +20,10 @@ def counterpart(element: Element, source: IOSpec, target: IOSpec) -> int | None:
     What has the values of another of the core's inputs is not taken by its name.
     """
     named = [k for k, other in enumerate(target.observation) if _alike(element, other)]
-    equal = [k for k, other in enumerate(target.observation) if _equal(element, other)]
+    equal = [k for k, other in enumerate(target.observation) if same_values(element, other)]
     if equal:
         return next((k for k in named if k in equal), equal[0])
-    return next((k for k in named if not any(_equal(own, target.observation[k]) for own in source.observation)), None)
+    return next((k for k in named if not any(same_values(own, target.observation[k]) for own in source.observation)), None)
 
 
 def _alike(element: Element, other: Element) -> bool:
@@ -32,9 +31,9 @@ def _alike(element: Element, other: Element) -> bool:
     return all(getattr(element, name) == getattr(other, name) for name in ("name", "quantity", "unit", "age"))
 
 
-def _equal(element: Element, other: Element) -> bool:
+def same_values(element: Element, other: Element) -> bool:
     """Whether two elements say the same in the same states."""
-    if not element.values or (element.quantity, element.age) != (other.quantity, other.age):
+    if not element.values or not other.values or (element.quantity, element.age) != (other.quantity, other.age):
         return False
-    pairs = zip(element.values, other.values, strict=False)
-    return bool(other.values) and all(math.isclose(own, another, rel_tol=SAME, abs_tol=SAME) for own, another in pairs)
+    apart = max(abs(own - another) for own, another in zip(element.values, other.values, strict=False))
+    return apart <= SAME * max(map(abs, element.values)) + element.doubt + other.doubt

@@ -41,7 +41,8 @@ def limits(match: Match, source: IOSpec, target: IOSpec) -> list[Limit]:
     left = [max(actuator.left) for actuator in source.action] * match.copies
     for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
         size = sum(abs(weight) * share for weight, share in zip(row, left, strict=True))
-        found.append(Limit("action", actuator.name, round(_possible(actuator, size, bias), 4)))
+        dead = bool(size) and actuator.joint is not None and not actuator.gear
+        found.append(Limit("action", actuator.name, 0.0 if dead else round(_possible(actuator, size, bias), 4)))
     return [limit for limit in found if limit.share < ENOUGH]
 
 
@@ -60,7 +61,8 @@ def unlike(match: Match, source: IOSpec, target: IOSpec) -> list[Unlike]:
     found: dict[tuple[str, Feedback], Unlike] = {}
     for actuator, row in zip(target.action, match.action_weight, strict=True):
         for k in (k for k, weight in enumerate(row) if weight):
-            if (other := source.action[k % source.act_dim].feedback) != actuator.feedback:
+            other = source.action[k % source.act_dim].feedback
+            if actuator.feedback is not None and other is not None and other != actuator.feedback:
                 found[actuator.name, other] = Unlike(actuator.name, actuator.feedback, other)
     return [*found.values()]
 

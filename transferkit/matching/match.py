@@ -29,7 +29,10 @@ from transferkit.pairing import Pairing
 
 if TYPE_CHECKING:
     from transferkit.pairing import Combination, Copy
-    from transferkit.spec import Element, IOSpec
+    from transferkit.spec import Actuator, Element, IOSpec
+
+EXACT = 1e-5
+"""Share of an action that counts as none."""
 
 SAME_AGE = 0.1
 """Difference of two ages, as a share of them, up to which they count as one."""
@@ -138,9 +141,21 @@ def action_bias(factors: NDArray, source: IOSpec, target: IOSpec) -> NDArray:
 
     An actuator that nothing drives does nothing, or as little as it can.
     """
-    own, others = (np.array([one.still for one in spec.action]) for spec in (source, target))
+    own, others = _stills(source, target), _stills(target, source)
     copies = factors.shape[1] // max(1, source.act_dim)
-    return np.where(factors.any(axis=1), others - factors @ np.tile(own, copies), np.clip(others, -1.0, 1.0)) + 0.0
+    bias = np.where(factors.any(axis=1), others - factors @ np.tile(own, copies), np.clip(others, -1.0, 1.0))
+    return np.where(np.abs(bias) < EXACT, 0.0, bias)
+
+
+def _stills(spec: IOSpec, other: IOSpec) -> NDArray:
+    """The actions without force; where that is not known, and zero is not the middle, it is as for the other's like."""
+    known = {_like(one): one for one in other.action if one.rest is not None}
+    unsure = [one.rest is None and bool(one.centre) for one in spec.action]
+    return np.array([known.get(_like(one), one).still if k else one.still for k, one in zip(unsure, spec.action, strict=True)])
+
+
+def _like(actuator: Actuator) -> tuple[str, float, float, float]:
+    return actuator.name, actuator.low, actuator.high, actuator.gear
 
 
 def same_mechanism(source: IOSpec, target: IOSpec, copy: Copy) -> bool:

@@ -109,6 +109,8 @@ class Strength(NamedTuple):
     """Force for the robot's weight, 0 if its mass is not known."""
     force: float
     """In newtons, or newton metres."""
+    aim: float = 0.0
+    """Of a servo: how far an action of 1 leads, or how fast, in the robot's lengths; 0 for a motor."""
 
 
 def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.0) -> Strength:
@@ -116,11 +118,17 @@ def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.
     lever = length if actuator.unit == "N m" else 1.0
     force = actuator.gear * actuator.half_range
     load = force / (mass * lever * gravity) if mass else 0.0
-    return Strength(actuator.authority * lever / gravity, load, force)  # angular accelerations scale with 1 / length
+    aim = force / actuator.stiffness / (1.0 if actuator.unit == "N m" else length) if actuator.stiffness else 0.0
+    return Strength(actuator.authority * lever / gravity, load, force, aim)  # angular accelerations scale with 1 / length
 
 
 def factors(keeps: Kept, own: Strength, others: Sequence[Strength]) -> list[float]:
-    """Factors from an action of the source to those that do together what it does; 1 where strengths are not known."""
+    """Factors from an action of the source to those that do together what it does; 1 where strengths are not known.
+
+    Servos go to the same place, each of them.
+    """
+    if own.aim and all(other.aim for other in others):
+        return [own.aim / other.aim for other in others]
     of = "acceleration" if keeps == "acceleration" else "load"
     share = _share(of, own, others)
     if not share:
