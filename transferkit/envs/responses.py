@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import bisect
 
 from transferkit.envs.frozen import Look, State
 from transferkit.envs.joints import BALL, FREE
@@ -30,8 +31,8 @@ NEGLIGIBLE = 1e-6
 EVEN = 1e-3
 """Share of what an action changes that counts as none."""
 
-BISECTIONS = 12
-"""Halvings of the range in which an action that does nothing is looked for."""
+NEAR = 1e-4
+"""How near to an action that does nothing is near enough."""
 
 LOOKED = ("control", "force", "acceleration")
 
@@ -149,7 +150,7 @@ class Responder:
         return self._find_rest(k, looks | {0.0: made.none}, effect)
 
     def _find_rest(self, k: int, looks: dict[float, Look], effect: Callable[[Look], float]) -> tuple[float, Look]:
-        """Find where an effect is none: where a line says so, by halving, or else where it is least."""
+        """Find where an effect is none: where a line says so, by bisection, or else where it is least."""
         effects = {share: effect(look) for share, look in looks.items()}
         near = min(share for share in looks if share > 0)
         slope, bend = (effects[near] - effects[-near]) / (2 * near), effects[near] + effects[-near] - 2 * effects[0.0]
@@ -164,18 +165,10 @@ class Responder:
                 return guess, look
         for low, high in ((0.0, 1.0), (-1.0, 0.0)):
             if effects[low] * effects[high] < 0:
-                return self._halve(k, low, high, effects[low], effect)
+                share = float(bisect(lambda share: effect(self._act(k, share)), low, high, xtol=NEAR))
+                return share, self._act(k, share)
         least = min(effects, key=lambda share: abs(effects[share]))
         return least, looks[least]
-
-    def _halve(self, k: int, low: float, high: float, below: float, effect: Callable[[Look], float]) -> tuple[float, Look]:
-        middle = (low + high) / 2
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            if not (seen := effect(self._act(k, middle))):
-                break
-            low, high = (middle, high) if seen * below > 0 else (low, middle)
-        return middle, self._act(k, middle)
 
     def _act(self, k: int, share: float) -> Look:
         action = self._idle.action.copy()
