@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import bisect
+from scipy.optimize import root_scalar
 
 from transferkit.envs.frozen import Look, State
 from transferkit.envs.joints import BALL, FREE
@@ -88,7 +88,7 @@ class Responder:
         each = [[(share, self._act(k, share)) for share in self._shares()] for k in range(self._act_dim)]
         none, nudges = self._see(self._idle), self._nudges()
         made = Responses(none, each, (), nudges, (), noise, accumulates)
-        rest = [self._rest(k, made) for k in range(self._act_dim)]
+        rest = [None if accumulates else self._rest(k, made) for k in range(self._act_dim)]
         resting = np.array([0.0 if one is None else np.clip(one[0], -1, 1) for one in rest], np.float32)
         elsewhere = [self._elsewhere(action, nudges) for action in (resting, *([self._idle.action] if resting.any() else []))]
         self._frozen.pinned = True
@@ -152,6 +152,10 @@ class Responder:
     def _find_rest(self, k: int, looks: dict[float, Look], effect: Callable[[Look], float]) -> tuple[float, Look]:
         """Find where an effect is none: where a line says so, by bisection, or else where it is least."""
         effects = {share: effect(look) for share, look in looks.items()}
+
+        def seen(share: float) -> float:
+            return effects[share] if share in effects else effect(self._act(k, share))
+
         near = min(share for share in looks if share > 0)
         slope, bend = (effects[near] - effects[-near]) / (2 * near), effects[near] + effects[-near] - 2 * effects[0.0]
         if not effects[0.0]:
@@ -165,7 +169,7 @@ class Responder:
                 return guess, look
         for low, high in ((0.0, 1.0), (-1.0, 0.0)):
             if effects[low] * effects[high] < 0:
-                share = float(bisect(lambda share: effect(self._act(k, share)), low, high, xtol=NEAR))
+                share = root_scalar(seen, bracket=(low, high), method="bisect", xtol=NEAR).root
                 return share, self._act(k, share)
         least = min(effects, key=lambda share: abs(effects[share]))
         return least, looks[least]
