@@ -127,7 +127,7 @@ class Actuator:
     feedback: Feedback | None = None
     """What its force depends on besides the action: a servo's on the joint's position, or on its velocity alone."""
     stiffness: float = 0.0
-    """Of a servo: force or torque that it has less for each m or rad, or m/s or rad/s, further on."""
+    """Of a position servo that the model has: N/m or N m/rad, by which its force falls as the joint moves; 0 of others."""
     forces: tuple[float, float] | None = None
     """What it has at its low and its high, where a clip leaves less than `gear` says; None if none does."""
 

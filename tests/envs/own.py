@@ -229,6 +229,18 @@ class Adding(Plain):
         return self._observe(), 1.0, False, False, {}
 
 
+class Mean(gymnasium.ActionWrapper):
+    """Acts by the mean of the last actions."""
+
+    def __init__(self, env, count):
+        super().__init__(env)
+        self.last = [np.zeros(env.action_space.shape)] * count
+
+    def action(self, action):
+        self.last = [*self.last[1:], action]
+        return np.mean(self.last, axis=0)
+
+
 class NoisyAction(gymnasium.ActionWrapper):
     """Adds noise to an action."""
 

@@ -18,6 +18,7 @@ from tests.envs.own import (
     STACKS,
     Adding,
     LowPassAction,
+    Mean,
     NeedsAnAction,
     NoisyAction,
     Plain,
@@ -206,6 +207,9 @@ def test_a_force_that_depends_on_the_state_is_no_motors():
     assert not unlike(compiled(pair(servo, servo), servo, servo), servo, servo)
 
 
+TWO_SERVOS = "<actuator>{}{}</actuator>".format(*['<position joint="lift" kp="25" ctrlrange="-1 1"/>'] * 2)
+
+
 @pytest.mark.parametrize(
     ("wrapped", "rest", "added"),
     [
@@ -236,8 +240,8 @@ def test_noise_on_actions_is_averaged():
 
 
 def test_an_action_that_adds_up_is_not_known(caplog):
-    assert [one.joint for one in derive_spec(Adding(MODELS["motors"])).action] == [None, None]
-    assert caplog.messages == ["what an action of Adding does adds up with those before it, and is not known"]
+    assert [one.joint for one in derive_spec(Adding(MODELS["two motors on one joint"])).action] == [None, None]
+    assert caplog.messages == ["what some actions of Adding do adds up with those before, and is not known"]
 
 
 def test_an_actuator_of_an_earlier_file_is_as_its_like():
@@ -258,6 +262,18 @@ def test_servos_go_to_the_same_place():
     assert compiled(pair(source, stiffer), source, stiffer).action_weight == ((1.0,),)
     match = compiled(pair(source, wider), source, wider)
     assert (match.action_weight, match.action_bias) == (((0.5,),), (-1.0,))  # 1 m is half of 2, and 0 m the low end
+    assert limits(match, source, wider) == [Limit("aim", "drive.slide_z", 0.0)]  # it does not go down
+    clipped, two = (derive_spec(Plain(ARM.format(one))) for one in (arm.format(200, '-1 1" forcerange="-50 50'), TWO_SERVOS))
+    match = compiled(pair(source, clipped), source, clipped)
+    assert (match.action_weight, limits(match, source, clipped)) == (((1.0,),), [])
+    match = compiled(pair(source, two), source, two)
+    np.testing.assert_allclose(match.action_weight, [[1.0], [1.0]], rtol=1e-3)
+
+
+def test_what_settles_slowly_neither_lasts_nor_is_noise():
+    for kind in (lambda: make_env(f"{PENDULUM}?vary.delay=30"), lambda: Mean(pendulum(), 8)):
+        (slow,) = derive_spec(kind()).action
+        assert (slow.gear, slow.rest, slow.forces) == (100.0, 0.0, None)
 
 
 def test_what_a_clip_leaves_of_a_force_is_known():

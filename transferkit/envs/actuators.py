@@ -61,6 +61,8 @@ def _actuator(
     dof, feedback = _only_dof(responses.pushes(k), driven, model), _feedback(k, responses)
     resting = responses.rest[k]
     rest = None if resting is None else _rounded((low + high) / 2 + (high - low) / 2 * resting[0], high - low)
+    if responses.adds_up(k):
+        return replace(_unknown(k, low, high), name=model_name, model_name=model_name)
     if dof is None:
         return replace(_unknown(k, low, high), name=model_name, model_name=model_name, rest=rest, feedback=feedback)
     none, looks = responses.none, responses.looks[k]
@@ -79,7 +81,7 @@ def _actuator(
         "N" if joint.type == "slide" else "N m",
         rest,
         feedback,
-        _stiffness(dof, responses) if feedback else 0.0,
+        _stiffness(driven, model) if feedback == "position" else 0.0,
         _clipped(dict(forces), gear * half_range, resting and (resting[0], float(resting[1].force[dof] - none.force[dof]))),
     )
 
@@ -90,20 +92,23 @@ def _rounded(rest: float, width: float) -> float:
 
 def _feedback(k: int, responses: Responses) -> Feedback:
     """What the force of an action depends on besides it."""
-    caused = responses.pushes(k)
-    least = np.where(caused > NEGLIGIBLE * caused.max(initial=0.0), FAINT * caused + responses.noise.force, np.inf)
+    none, noise = responses.effect(k, responses.none), responses.effect(k, responses.noise)
+    caused = np.max([np.abs(responses.effect(k, look) - none) for _, look in responses.looks[k]], axis=0, initial=0.0)
+    least = np.where(caused > NEGLIGIBLE * caused.max(initial=0.0), FAINT * caused + noise, np.inf)
     kinds: tuple[Feedback, Feedback] = ("position", "velocity")
     for one, kind in enumerate(kinds):
-        if any((np.abs(looks[1 + one].force - looks[0].force) > least).any() for looks in responses.elsewhere):
+        changes = [responses.effect(k, looks[1 + one]) - responses.effect(k, looks[0]) for looks in responses.elsewhere]
+        if any((np.abs(change) > least).any() for change in changes):
             return kind
     return ""
 
 
-def _stiffness(dof: int, responses: Responses) -> float:
-    """By how much a servo's force falls as its joint moves, or else as it gets faster, where it does nothing."""
-    still, moved, moving = responses.elsewhere[0]
-    change = float(still.force[dof] - (moved if moved.force[dof] != still.force[dof] else moving).force[dof])
-    return float(f"{change / responses.nudges[dof]:.6g}") + 0.0 if responses.nudges[dof] else 0.0
+def _stiffness(driven: NDArray[np.intp], model: mujoco.MjModel) -> float:
+    """Of one servo of a joint: by how much its torque falls as its joint moves."""
+    if len(driven) != 1 or model.actuator_biastype[driven[0]] != int(mujoco.mjtBias.mjBIAS_AFFINE):
+        return 0.0
+    kp, gear = -float(model.actuator_biasprm[driven[0], 1]), float(model.actuator_gear[driven[0], 0])
+    return max(0.0, kp) * gear**2
 
 
 def _clipped(forces: Mapping[float, float], promised: float, rest: tuple[float, float] | None) -> tuple[float, float] | None:

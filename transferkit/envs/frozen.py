@@ -72,6 +72,8 @@ class Look:
     """`(nv,)`: forces of the actuators and applied ones."""
     acceleration: NDArray[np.float64]
     """`(nv,)`."""
+    actuator: NDArray[np.float64]
+    """`(nu,)`: forces of the actuators, along their transmission."""
 
     def like(self, other: Look) -> bool:
         """Whether control and force are the same but for rounding."""
@@ -164,7 +166,7 @@ class Frozen:
         force = data.qfrc_actuator + data.qfrc_applied
         if data.xfrc_applied.any():
             force = force + _of_bodies(model, data)
-        return Look(data.ctrl.copy(), force, data.qacc.copy())
+        return Look(data.ctrl.copy(), force, data.qacc.copy(), data.actuator_force.copy())
 
     def _put(self, state: State) -> None:
         model, data = self._simulation.model, self._simulation.data

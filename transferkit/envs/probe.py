@@ -129,11 +129,9 @@ def _probed(
         with frozen:
             prober = Prober(frozen, simulation, obs_dim, act_dim)
             responses = Responder(frozen, simulation, act_dim, prober.rng).responses()
-            if responses.accumulates:
-                LOGGER.warning("what an action of %s does adds up with those before it, and is not known", name_of(made))
-                actuators = unknown_actuators(made.low, made.high)
-            else:
-                actuators = read_actuators(made.low, made.high, responses, simulation.model, joints)
+            if responses.lasting.any():
+                LOGGER.warning("what some actions of %s do adds up with those before, and is not known", name_of(made))
+            actuators = read_actuators(made.low, made.high, responses, simulation.model, joints)
             forms = Forms(
                 dict(enumerate(joints)),
                 prober.evidence(),

@@ -34,7 +34,7 @@ EVEN = 1e-3
 NEAR = 1e-4
 """How near to an action that does nothing is near enough."""
 
-LOOKED = ("control", "force", "acceleration")
+LOOKED = ("control", "force", "acceleration", "actuator")
 
 UNBIASED = [int(kind) for kind in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_MUSCLE)]
 """Kinds of actuators that are told to do nothing by a control of zero."""
@@ -50,22 +50,49 @@ class Responses:
     """For every element of the action: its values, the small ones first, and what each did."""
     elsewhere: Sequence[tuple[Look, Look, Look]]
     """All elements of the action where they do nothing, and no action: at rest, with every joint elsewhere, and in motion."""
-    nudges: NDArray[np.float64]
-    """`(nv,)`: how far, and how fast."""
     rest: Sequence[tuple[float, Look] | None]
     """For every element of the action: the value, and what it did, that does nothing, or as little as any; None if unknown."""
     noise: Look
     """Deviations by which a look differs from another of the same action."""
-    accumulates: bool
-    """Whether an action goes on changing what the actuators are told."""
+    lasting: NDArray[np.bool_]
+    """`(nu,)`: what an actuator is told stays when the action has ended."""
 
     def pushes(self, k: int) -> NDArray[np.float64]:
         """The largest change of each force by an action, `(nv,)`; 0 where noise explains it."""
         return _certain([look.force - self.none.force for _, look in self.looks[k]], self.noise.force)
 
+    def adds_up(self, k: int) -> bool:
+        """Whether an action changes something for good."""
+        return bool(self.lasting[self.drives(k)].any())
+
+    def effect(self, k: int, look: Look) -> NDArray[np.float64]:
+        """What an action does: forces of the actuators that it drives, or of joints if it drives none."""
+        driven = self.drives(k)
+        return look.actuator[driven] if len(driven) else look.force[self.pushes(k) > 0]
+
     def drives(self, k: int) -> NDArray[np.intp]:
         """The actuators that an action tells something."""
         return np.flatnonzero(_certain([look.control - self.none.control for _, look in self.looks[k]], self.noise.control))
+
+
+@dataclass(frozen=True)
+class Held:
+    """Looks at one action for a while."""
+
+    looks: Sequence[Look]
+
+    @property
+    def settling(self) -> int:
+        """Steps after the first until an action has reached the simulation as far as it ever does."""
+        news = [k for k in range(1, len(self.looks)) if not self.looks[k].like(self.looks[k - 1])]
+        return max(news, default=0)
+
+    @property
+    def noisy(self) -> bool:
+        """Whether looks differ to the end as much as in the beginning: what settles slowly does not."""
+        quarters = np.array_split([look.control for look in self.looks], 4)
+        steps = [np.abs(np.diff(quarter, axis=0)).mean(axis=0) for quarter in (quarters[1], quarters[3])]
+        return bool((steps[1] > steps[0] / 2 + EVEN * EVEN).any())
 
 
 class Responder:
@@ -79,16 +106,14 @@ class Responder:
     def responses(self) -> Responses:
         """See what each action does."""
         self._frozen.pinned = False  # an action that is late by chance comes in the end
-        idle = [self._frozen.look(self._idle) for _ in range(4 * QUIET)]
-        accumulates, noise = _adds_up(idle), self._noise(idle[2 * QUIET :])
-        steps = 2 * QUIET
-        if not self._noisy and not accumulates:
-            steps, accumulates = self._steps_to_settle()
-        self._settling = steps + (2 * QUIET if self._frozen.noisy else 0)
+        action = self._rng.uniform(-1.0, 1.0, self._act_dim).astype(np.float32)
+        idle, acting, after = (self._hold(state) for state in (self._idle, replace(self._idle, action=action), self._idle))
+        noise, lasting = self._noise(idle, acting), _lasting(idle, acting, after)
+        self._settling = (LONGEST // 4 if self._noisy else acting.settling) + (2 * QUIET if self._frozen.noisy else 0)
         each = [[(share, self._act(k, share)) for share in self._shares()] for k in range(self._act_dim)]
         none, nudges = self._see(self._idle), self._nudges()
-        made = Responses(none, each, (), nudges, (), noise, accumulates)
-        rest = [None if accumulates else self._rest(k, made) for k in range(self._act_dim)]
+        made = Responses(none, each, (), (), noise, lasting)
+        rest = [None if made.adds_up(k) else self._rest(k, made) for k in range(self._act_dim)]
         resting = np.array([0.0 if one is None else np.clip(one[0], -1, 1) for one in rest], np.float32)
         elsewhere = [self._elsewhere(action, nudges) for action in (resting, *([self._idle.action] if resting.any() else []))]
         self._frozen.pinned = True
@@ -110,33 +135,25 @@ class Responder:
         scalar = ~np.isin(self._model.jnt_type[self._model.dof_jntid], (FREE, BALL))
         return NUDGE * scalar * (-1.0) ** np.arange(nv) * (1 + np.arange(nv) * 0.618 % 1)
 
-    def _noise(self, looks: Sequence[Look]) -> Look:
-        """How much looks at the same action differ."""
-        self._noisy = not all(look.like(looks[0]) for look in looks)
-        if not self._noisy:
-            return _over(looks[:1], lambda seen: np.zeros(seen.shape[1:]))
-        return _over(looks, lambda seen: 8 * seen.std(axis=0) / np.sqrt(DRAWS))
+    def _hold(self, state: State) -> Held:
+        """Hold a state for as long as anything may take to come through."""
+        return Held([self._frozen.look(state) for _ in range(LONGEST)])
 
-    def _steps_to_settle(self) -> tuple[int, bool]:
-        """Steps after the first until an action has reached the simulation as far as it ever does; whether it accumulates."""
-        action = self._rng.uniform(-1.0, 1.0, self._act_dim).astype(np.float32)
-        looks, last_news = [self._frozen.look(self._idle)], 0
-        while len(looks) - 1 - last_news < 2 * QUIET and len(looks) < LONGEST:
-            looks.append(self._frozen.look(replace(self._idle, action=action)))
-            if not looks[-1].like(looks[-2]):
-                last_news = len(looks) - 1
-        return max(0, last_news - 1), _adds_up(looks)
+    def _noise(self, *held: Held) -> Look:
+        """How much looks at the same action differ."""
+        self._noisy = any(one.noisy for one in held)
+        if not self._noisy:
+            return _over(held[0].looks[:1], lambda seen: np.zeros(seen.shape[1:]))
+        spreads = [_over(one.looks[-2 * QUIET :], lambda seen: 8 * seen.std(axis=0) / np.sqrt(DRAWS)) for one in held]
+        return _over(spreads, lambda seen: seen.max(axis=0))
 
     def _rest(self, k: int, made: Responses) -> tuple[float, Look] | None:
         """The value of an action that does nothing: no control, or no force of what is a servo."""
-        driven = made.drives(k)
+        driven, looks = made.drives(k), dict(made.looks[k])
         told = len(driven) and np.isin(self._model.actuator_biastype[driven], UNBIASED).all()
-        pushed = made.pushes(k)
-        on = np.flatnonzero(pushed > NEGLIGIBLE * pushed.max(initial=0.0))
-        looks = dict(made.looks[k])
 
         def of(look: Look) -> NDArray[np.float64]:
-            return look.control[driven] if told else look.force[on]
+            return look.control[driven] if told else made.effect(k, look)
 
         way = of(looks[1.0]) - of(looks[-1.0])
         if not way.any():
@@ -186,15 +203,15 @@ class Responder:
 
 
 def _over(looks: Sequence[Look], reduce: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Look:
-    control, force, acceleration = (reduce(np.array([getattr(look, name) for look in looks])) for name in LOOKED)
-    return Look(control, force, acceleration)
+    control, force, acceleration, actuator = (reduce(np.array([getattr(look, name) for look in looks])) for name in LOOKED)
+    return Look(control, force, acceleration, actuator)
 
 
-def _adds_up(looks: Sequence[Look]) -> bool:
-    """Whether the actuators are told more by the same amount with every step."""
-    told = np.diff([look.control for look in looks], axis=0)
-    steady = told[int(told.any(axis=1).argmax()) :][: QUIET // 2] if told.any() else told[:0]
-    return len(steady) == QUIET // 2 and np.allclose(steady, steady[0], rtol=1e-2, atol=1e-9)
+def _lasting(before: Held, acting: Held, after: Held) -> NDArray[np.bool_]:
+    """What has not come back when the action has ended."""
+    first, last, end = (held.looks[-1].control for held in (before, acting, after))
+    blur = 8 * np.std([look.control for look in before.looks[-2 * QUIET :]], axis=0) * before.noisy
+    return np.abs(end - first) > np.maximum(np.abs(last - first) / 2, blur + EVEN * np.abs(last - first))
 
 
 def _certain(changes: Sequence[NDArray[np.float64]], noise: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -118,7 +118,7 @@ def _limits(match: Match, source: IOSpec, target: IOSpec) -> list[str]:
         if one.kind == "joint":
             what = f"joint {one.name} ({source.model_names[one.name]}) reaches {one.share:.0%} of its range"
         else:
-            what = f"action {one.name} has {one.share:.0%} of the force"
+            what = f"action {one.name} has {one.share:.0%} of the {'way' if one.kind == 'aim' else 'force'}"
         lines.append(f"  limited: {what}{f' in copy {one.copy}' if one.copy and match.copies > 1 else ''}")
     return lines
 

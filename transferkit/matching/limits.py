@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from transferkit.spec import Feedback
@@ -26,7 +26,8 @@ ENOUGH = 0.7
 class Limit:
     """Of what a hinge of the core's robot, or an action of the target, is matched with, only a share can be done."""
 
-    kind: Literal["joint", "action"]
+    kind: Literal["joint", "action", "aim"]
+    """An aim is where a servo goes."""
     name: str
     share: float
     """Of the hinge's range what the target's reach; of the largest force that is asked for what the actuator has."""
@@ -40,9 +41,14 @@ def limits(match: Match, source: IOSpec, target: IOSpec) -> list[Limit]:
     biases = match.action_bias or (0.0,) * target.act_dim
     left = [max(actuator.left) for actuator in source.action] * match.copies
     for actuator, row, bias in zip(target.action, match.action_weight, biases, strict=True):
-        size = sum(abs(weight) * share for weight, share in zip(row, left, strict=True))
-        dead = bool(size) and actuator.joint is not None and not actuator.gear
-        found.append(Limit("action", actuator.name, 0.0 if dead else round(_possible(actuator, size, bias), 4)))
+        asking = [source.action[k % source.act_dim] for k, weight in enumerate(row) if weight]
+        if actuator.joint is not None and any(one.gear for one in asking) and not actuator.gear:
+            found.append(Limit("action", actuator.name, 0.0))
+        else:
+            aims = bool(actuator.stiffness) and all(one.stiffness for one in asking)
+            size = sum(abs(weight) * (1.0 if aims else share) for weight, share in zip(row, left, strict=True))
+            asked = replace(actuator, forces=None) if aims else actuator
+            found.append(Limit("aim" if aims else "action", actuator.name, round(_possible(asked, size, bias), 4)))
     return [limit for limit in found if limit.share < ENOUGH]
 
 

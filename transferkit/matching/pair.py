@@ -178,7 +178,7 @@ class Driver:
             sharing = {one.joint for one in self._source.action if one.joint in pairs and pairs[one.joint] == pairs[joint]}
             sign = float(np.sign(np.dot(self._axes[0][joint], self._axes[1][pairs[joint]])))
             others = [self._others[name] for name in driving]
-            aims = self._own[actuator.name].aim and all(other.aim for other in others)
+            aims = self._own[actuator.name].aim and len(others) == 1 and others[0].aim
             sign /= len(sharing) if aims or self._keeps == "acceleration" else bearing[joint]
             shares = factors(self._keeps, self._own[actuator.name], others)
             for name, share in zip(driving, shares, strict=True):

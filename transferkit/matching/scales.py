@@ -110,7 +110,7 @@ class Strength(NamedTuple):
     force: float
     """In newtons, or newton metres."""
     aim: float = 0.0
-    """Of a servo: how far an action of 1 leads, or how fast, in the robot's lengths; 0 for a motor."""
+    """Of a position servo: how far an action of 1 leads, in the robot's lengths; 0 for others."""
 
 
 def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.0) -> Strength:
@@ -125,10 +125,10 @@ def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.
 def factors(keeps: Kept, own: Strength, others: Sequence[Strength]) -> list[float]:
     """Factors from an action of the source to those that do together what it does; 1 where strengths are not known.
 
-    Servos go to the same place, each of them.
+    A servo goes to the place that the source's goes to.
     """
-    if own.aim and all(other.aim for other in others):
-        return [own.aim / other.aim for other in others]
+    if own.aim and len(others) == 1 and others[0].aim:
+        return [own.aim / others[0].aim]
     of = "acceleration" if keeps == "acceleration" else "load"
     share = _share(of, own, others)
     if not share:
