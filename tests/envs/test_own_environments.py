@@ -263,7 +263,7 @@ def test_servos_go_to_the_same_place():
     match = compiled(pair(source, wider), source, wider)
     assert (match.action_weight, match.action_bias) == (((0.5,),), (-1.0,))  # 1 m is half of 2, and 0 m the low end
     assert limits(match, source, wider) == [Limit("aim", "drive.slide_z", 0.0)]  # it does not go down
-    clipped, two = (derive_spec(Plain(ARM.format(one))) for one in (arm.format(200, '-1 1" forcerange="-50 50'), TWO_SERVOS))
+    clipped, two = (derive_spec(Plain(ARM.format(one))) for one in (arm.format(9000, '-1 1" forcerange="-50 50'), TWO_SERVOS))
     match = compiled(pair(source, clipped), source, clipped)
     assert (match.action_weight, limits(match, source, clipped)) == (((1.0,),), [])
     match = compiled(pair(source, two), source, two)

@@ -68,7 +68,11 @@ def _actuator(
     none, looks = responses.none, responses.looks[k]
     joint, half_range = joints[dof], (high - low) / 2
     forces = [(share, float(look.force[dof] - none.force[dof])) for share, look in looks]
-    gear = float(f"{_steepest(forces) / half_range:.6g}") + 0.0
+    slope, stiffness = _steepest(forces), _stiffness(driven, model) if feedback == "position" else 0.0
+    if stiffness:  # a servo may be clipped at any distance that is worth a look
+        told = _steepest([(share, float(look.control[driven[0]] - none.control[driven[0]])) for share, look in looks])
+        slope = told * float(model.actuator_gainprm[driven[0], 0] * model.actuator_gear[driven[0], 0])
+    gear = float(f"{slope / half_range:.6g}") + 0.0
     acceleration = _steepest([(share, look.acceleration[dof] - none.acceleration[dof]) for share, look in looks])
     return Actuator(
         DRIVE + joint.name,
@@ -81,7 +85,7 @@ def _actuator(
         "N" if joint.type == "slide" else "N m",
         rest,
         feedback,
-        _stiffness(driven, model) if feedback == "position" else 0.0,
+        stiffness,
         _clipped(dict(forces), gear * half_range, resting and (resting[0], float(resting[1].force[dof] - none.force[dof]))),
     )
 
