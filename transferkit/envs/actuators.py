@@ -118,7 +118,8 @@ def _stiffness(driven: NDArray[np.intp], model: mujoco.MjModel) -> float:
 def _clipped(forces: Mapping[float, float], promised: float, rest: tuple[float, float] | None) -> tuple[float, float] | None:
     """What there is at either end of the action, where either has less than its slope promises."""
     ends = forces[-1.0], forces[1.0]
-    if not promised or min(-ends[0] / promised, ends[1] / promised) > WHOLE:
+    shares = -ends[0] / promised if promised else 1.0, ends[1] / promised if promised else 1.0
+    if min(shares) > WHOLE or (max(shares) > WHOLE and min(shares) < -WHOLE):  # a square pushes one way at both ends
         return None
     share, none = rest or (0.0, 0.0)
     none = none if abs(share) <= 1 else promised * share

@@ -106,11 +106,11 @@ class Responder:
     def responses(self) -> Responses:
         """See what each action does."""
         self._frozen.pinned = False  # an action that is late by chance comes in the end
-        action = self._rng.uniform(-1.0, 1.0, self._act_dim).astype(np.float32)
+        action = np.sign(self._rng.uniform(-1.0, 1.0, self._act_dim)).astype(np.float32)
         idle, acting, after = (self._hold(state) for state in (self._idle, replace(self._idle, action=action), self._idle))
         noise, lasting = self._noise(idle, acting), _lasting(idle, acting, after)
-        settling = acting.settling if acting.settling < LONGEST - 1 else 2 * LONGEST
-        self._settling = (LONGEST // 4 if self._noisy else settling) + (2 * QUIET if self._frozen.noisy else 0)
+        settling = LONGEST // 4 if self._noisy else 2 * acting.settling + 1  # from one end to the other
+        self._settling = settling + (2 * QUIET if self._frozen.noisy else 0)
         each = [[(share, self._act(k, share)) for share in self._shares()] for k in range(self._act_dim)]
         none, nudges = self._see(self._idle), self._nudges()
         made = Responses(none, each, (), (), noise, lasting)
