@@ -127,7 +127,7 @@ class Actuator:
     feedback: Feedback | None = None
     """What its force depends on besides the action: a servo's on the joint's position, or on its velocity alone."""
     stiffness: float = 0.0
-    """Of a position servo that the model has: N/m or N m/rad, by which its force falls as the joint moves; 0 of others."""
+    """N/m or N m/rad: how much more a position servo of the model pushes back as its joint moves; 0 of everything else."""
     forces: tuple[float, float] | None = None
     """What it has at its low and its high, where a clip leaves less than `gear` says; None if none does."""
 

@@ -23,7 +23,7 @@ SCALAR = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 """Joints of one degree of freedom."""
 
 FAINT = 1e-4
-"""Of the largest force that an action causes."""
+"""Change of a force, as a share of the largest that its action causes, that counts as none."""
 
 WHOLE = 0.99
 """Share of a force from which it is not said to be clipped."""
@@ -108,7 +108,7 @@ def _feedback(k: int, responses: Responses) -> Feedback:
 
 
 def _stiffness(driven: NDArray[np.intp], model: mujoco.MjModel) -> float:
-    """Of one servo of a joint: by how much its torque falls as its joint moves."""
+    """By how much the force of a joint's position servo falls as the joint moves; 0 of everything else."""
     if len(driven) != 1 or model.actuator_biastype[driven[0]] != int(mujoco.mjtBias.mjBIAS_AFFINE):
         return 0.0
     kp, gear = -float(model.actuator_biasprm[driven[0], 1]), float(model.actuator_gear[driven[0], 0])

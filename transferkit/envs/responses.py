@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,15 +26,13 @@ NUDGE = 0.05
 """How far a joint is moved about, in m or rad, and how fast, in m/s or rad/s."""
 
 NEGLIGIBLE = 1e-6
-"""Of the largest force on a degree of freedom."""
+"""Force, as a share of the largest that an action causes, that counts as none."""
 
 EVEN = 1e-3
 """Share of what an action changes that counts as none."""
 
 NEAR = 1e-4
 """How near to an action that does nothing is near enough."""
-
-LOOKED = ("control", "force", "acceleration", "actuator")
 
 UNBIASED = [int(kind) for kind in (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_MUSCLE)]
 """Kinds of actuators that are told to do nothing by a control of zero."""
@@ -204,8 +202,8 @@ class Responder:
 
 
 def _over(looks: Sequence[Look], reduce: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Look:
-    control, force, acceleration, actuator = (reduce(np.array([getattr(look, name) for look in looks])) for name in LOOKED)
-    return Look(control, force, acceleration, actuator)
+    """Make one look of several, number by number."""
+    return Look(*(reduce(np.array([getattr(look, field.name) for look in looks])) for field in fields(Look)))
 
 
 def _lasting(before: Held, acting: Held, after: Held) -> NDArray[np.bool_]:

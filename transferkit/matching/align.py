@@ -81,7 +81,7 @@ class Feature:
     place: float
     """0 at the world, 1 at a joint that carries none: the share of the way between, in metres or else in joints."""
     side: tuple[float, float]
-    """1 in front of and to the left of the first joint, -1 behind and to the right, 0 beside neither; 0 if it is not known."""
+    """Forwards and to the left: 1 in front of, or left of, where the driven trees begin, -1 behind it, or right, else 0."""
     order: float
     """Between 0 and 1: only what is alike in everything else is taken in order."""
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from transferkit.matching.align import Aligner
-from transferkit.matching.scales import factors, gravity_scale, hold_steps, kept, length_scale, mass, strength
+from transferkit.matching.scales import aims, factors, gravity_scale, hold_steps, kept, length_scale, mass, strength
 from transferkit.matching.tree import below, parallel
 from transferkit.pairing import Copy, Pairing
 
@@ -177,10 +177,9 @@ class Driver:
             driving = self._driving(actuator, pairs[joint])
             sharing = {one.joint for one in self._source.action if one.joint in pairs and pairs[one.joint] == pairs[joint]}
             sign = float(np.sign(np.dot(self._axes[0][joint], self._axes[1][pairs[joint]])))
-            others = [self._others[name] for name in driving]
-            aims = self._own[actuator.name].aim and len(others) == 1 and others[0].aim
-            sign /= len(sharing) if aims or self._keeps == "acceleration" else bearing[joint]
-            shares = factors(self._keeps, self._own[actuator.name], others)
+            own, others = self._own[actuator.name], [self._others[name] for name in driving]
+            sign /= len(sharing) if aims(own, others) or self._keeps == "acceleration" else bearing[joint]
+            shares = factors(self._keeps, own, others)
             for name, share in zip(driving, shares, strict=True):
                 found.setdefault(name, {})[actuator.name] = sign * share
         return found

@@ -110,7 +110,7 @@ class Strength(NamedTuple):
     force: float
     """In newtons, or newton metres."""
     aim: float = 0.0
-    """Of a position servo: how far an action of 1 leads, in the robot's lengths; 0 for others."""
+    """How far an action of 1 leads a position servo, in the robot's lengths; 0 for a motor."""
 
 
 def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.0) -> Strength:
@@ -122,12 +122,17 @@ def strength(actuator: Actuator, length: float, mass: float, gravity: float = 1.
     return Strength(actuator.authority * lever / gravity, load, force, aim)  # angular accelerations scale with 1 / length
 
 
+def aims(own: Strength, others: Sequence[Strength]) -> bool:
+    """Whether one servo stands for another."""
+    return len(others) == 1 and bool(own.aim and others[0].aim)
+
+
 def factors(keeps: Kept, own: Strength, others: Sequence[Strength]) -> list[float]:
     """Factors from an action of the source to those that do together what it does; 1 where strengths are not known.
 
     A servo goes to the place that the source's goes to.
     """
-    if own.aim and len(others) == 1 and others[0].aim:
+    if aims(own, others):
         return [own.aim / others[0].aim]
     of = "acceleration" if keeps == "acceleration" else "load"
     share = _share(of, own, others)
