@@ -33,6 +33,7 @@ STRIPS = {
             "pendulum-swingup-v1",
             "reacher-v1",
             "swimmer-v1",
+            "walker-stand-v1",
             "walker-walk-v1",
             "walker2d-v1",
         )

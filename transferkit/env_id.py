@@ -54,7 +54,8 @@ class EnvId:
         Raises:
             ConfigError: a word without a name or a value, or a name twice.
         """
-        more, varied = (_assignments(list(words), self.id) for words in (kwargs, variation))
+        more = _assignments(list(kwargs), f"argument of environment {self.id}")
+        varied = _assignments(list(variation), f"variation of environment {self.id}")
         return replace(self, kwargs={**self.kwargs, **more}, variation={**self.variation, **varied})
 
     def __str__(self) -> str:
@@ -63,14 +64,14 @@ class EnvId:
         return "?".join(filter(None, (self.id, "&".join(parts))))
 
 
-def _assignments(words: list[str], where: str) -> dict[str, Any]:
+def _assignments(words: list[str], what: str) -> dict[str, Any]:
     given: dict[str, Any] = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not (name and equals and value):
-            raise ConfigError(f"argument of environment {where}", value=word, allowed="NAME=VALUE", topic="environments")
+            raise ConfigError(what, value=word, allowed="NAME=VALUE")
         if name in given:
-            raise ConfigError(f"environment {where} has {name} twice", remedy="leave one out", topic="environments")
+            raise ConfigError(f"{what.partition(' of ')[2]} has {name} twice", remedy="leave one out", topic="environments")
         given[name] = _value(unquote(value))
     return given
 

@@ -132,7 +132,7 @@ def _own(recording: Path, episode: int) -> Traces:
     spec = spec_of(contents, recording)
     steps = [step for step in contents.steps if step.episode == episode]
     if not steps:
-        raise _no_episode(recording, episode)
+        raise _no_episode(recording, episode, contents.steps[-1].episode)
     return Traces(
         f"{spec.env_id}, episode {episode}: return {steps[-1].return_:.1f}",
         np.arange(len(steps)) * (spec.time_step or 1.0),
@@ -145,9 +145,9 @@ def _own(recording: Path, episode: int) -> Traces:
 
 def _mapped(recording: Path, channels: ChannelMap, episode: int) -> Traces:
     logged = read_logged(recording, channels)
-    rows = np.flatnonzero(logged.episodes() == episode)
+    rows = np.flatnonzero((episodes := logged.episodes()) == episode)
     if not len(rows):
-        raise _no_episode(recording, episode)
+        raise _no_episode(recording, episode, int(episodes.max()))
     reward = logged.reward[rows, 0]
     panels = {
         "observation": [dict(zip(channels.observation.fields, row, strict=True)) for row in logged.observation[rows].tolist()],
@@ -157,8 +157,9 @@ def _mapped(recording: Path, channels: ChannelMap, episode: int) -> Traces:
     return Traces(title, (logged.times[rows] - logged.times[rows[0]]) / 1e9, "seconds in the log", panels, reward.tolist())
 
 
-def _no_episode(recording: Path, episode: int) -> RecordingError:
-    return RecordingError(f"{recording} has no step of episode {episode}", remedy="use {episode=0}")
+def _no_episode(recording: Path, episode: int, last: int) -> RecordingError:
+    known = f"use {{episode=0}}{f' to {last}' if last else ''}"
+    return RecordingError(f"{recording} has no step of episode {episode}", remedy=known)
 
 
 def _draw_traces(axis: Axes, seconds: NDArray[np.floating], name: str, rows: Sequence[Mapping[str, float]]) -> None:

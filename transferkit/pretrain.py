@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 from transferkit.budget import Spent, given_limits
 from transferkit.config.checks import AT_LEAST_ONE, MEMBERS, Different, Items, Seed, check
 from transferkit.envs import derive_spec
-from transferkit.errors import ArtifactError, ConfigError, SettingError
+from transferkit.errors import ArtifactError, ConfigError, SettingError, TransferkitError
 from transferkit.evaluation import evaluate
 from transferkit.policy.base import ScratchPolicy
 from transferkit.policy.core import Core, stack_members
@@ -82,7 +82,11 @@ def pretrain(recipe: Recipe, config: TrainConfig) -> Card:
         raise ConfigError("the best policy is found by evaluations during training", remedy="give {eval_every} with {best}")
     if config.algo == "dyna-ddpg" and not recipe.policy_only:
         config = replace(config, dyna=replace(config.dyna, keep_model=True))
-    results = _train_members(recipe, config)
+    try:
+        results = _train_members(recipe, config)
+    except TransferkitError as error:
+        error.remedy = error.remedy.replace("another {out}", "another {name}")  # which the members' folders are named by
+        raise
     loaded = [load_policy(result.run_dir, best=recipe.best) for result in results]
     policies = [policy for policy in loaded if isinstance(policy, ScratchPolicy)]
     returns = [

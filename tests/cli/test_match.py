@@ -18,6 +18,7 @@ def test_a_match_is_shown_written_and_trained_with(capsys, tmp_path):
     assert [(one["kind"], one["name"]) for one in data["unmatched"]] == [("target joint", "hinge_y2")]
     (tmp_path / "m.json").write_text(json.dumps(data))  # what --json prints is handed back as it is
     assert load_match(tmp_path / "m.json") == load_match(path)
+    assert f"{path} is a match; hand it to --match" in refusal(capsys, "match", path, TWO)
     path.write_text(path.read_text().replace("{hinge_y: 1.0}", "{hinge_y2: 1.0}"))
     scores = run_json(capsys, "eval", CORE, "--env", TWO, "--match", path, "--episodes", 2)
     assert scores["returns"] != run_json(capsys, "eval", CORE, "--env", TWO, "--episodes", 2)["returns"]
@@ -40,9 +41,11 @@ def test_cores_are_found_by_how_much_of_them_there_is(capsys):
     rows = run_json(capsys, "zoo", "find", "InvertedPendulum-v5", "--play")
     assert [row["inputs"] * row["actions"] for row in rows] == sorted((r["inputs"] * r["actions"] for r in rows), reverse=True)
     walker = [row["core"] for row in run_json(capsys, "zoo", "find", "Walker2d-v5")]
-    assert walker[:3] == ["walker2d-v1", "hopper-v1", "walker-walk-v1"]  # the suite's walker swings its hips the other way
-    own = next(row for row in rows if row["core"] == CORE)
-    assert (own["source"], own["inputs"], own["returns"]) == ("InvertedPendulum-v5", 1.0, [1000.0] * 5)
+    own, one_leg, *suites = walker[:4]  # the suite's walker swings its hips the other way
+    assert (own, one_leg, suites) == ("walker2d-v1", "hopper-v1", ["walker-stand-v1", "walker-walk-v1"])
+    assert rows[0]["source"] == "InvertedPendulum-v5"  # of those that are all there, the environment's own come first
+    pole = next(row for row in rows if row["core"] == CORE)
+    assert (pole["source"], pole["inputs"], pole["returns"]) == ("InvertedPendulum-v5", 1.0, [1000.0] * 5)
 
 
 @pytest.mark.parametrize(
@@ -50,6 +53,7 @@ def test_cores_are_found_by_how_much_of_them_there_is(capsys):
     [
         (f"match inverted-pendulm-v1 {TWO}", "unknown core, run or environment 'inverted-pendulm-v1'; did you mean"),
         (f"match {CORE} Hoper-v5", "unknown environment 'Hoper-v5'; did you mean Hopper-v5"),
+        (f"match {CORE} {TWO} --vary mass", f"variation of environment {TWO}='mass' must be NAME=VALUE"),
         (f"match {CORE} {TWO} --stagger far", "--stagger='far' must be a number of radians"),
         (f"match {CORE} {TWO} --stagger 9", "stagger=9.0 must be at least -3.2 and at most 3.2"),
         (f"match {CORE} {TWO} --limbs some", "unknown limbs 'some'; did you mean one"),

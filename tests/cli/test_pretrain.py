@@ -13,7 +13,7 @@ def test_pretrain_refuses_a_core_below_its_threshold_and_writes_a_good_one(capsy
     assert "give --eval-every with --best" in run(capsys, *command, "--threshold", "1", "--best")[2]
     longer = [word.replace("300", "400") for word in command]
     code, _, err = run(capsys, *longer, "--threshold", "950")  # members are trained in one go
-    assert (code, "steps is 300 there and 400 here" in err) == (2, True)
+    assert (code, "steps is 300 there and 400 here" in err, "with another --name" in err) == (2, True, True)
     code, _, err = run(capsys, *command, "--threshold", "950", "--eval-every", "100", "--stop-at", "900")
     assert (code, "--stop-at=900.0 must be at least the threshold 950" in err) == (2, True)
     (tmp_path / "zoo/.unfinished/small-v1").mkdir(parents=True)

@@ -31,6 +31,9 @@ def test_a_recording_is_made_checked_drawn_mended_and_learnt_from(capsys, tmp_pa
     assert run(capsys, "plot", file)[0] == 0
     assert run(capsys, "plot", file, "--episode", 1)[1] == f"{tmp_path / 'run_1.png'}\n"
     assert all((tmp_path / name).stat().st_size > 10_000 for name in ("run.png", "run_1.png"))
+    assert "run.png exists; choose another --out" in refusal(capsys, "plot", file)
+    assert "has no step of episode 9; use --episode 0 to 1" in refusal(capsys, "plot", file, "--episode", 9)
+    assert "is a recording and not a policy" in refusal(capsys, "play", file, "--out", tmp_path / "x.png")
     file.write_bytes(file.read_bytes()[:-20])
     assert "was cut" in run(capsys, "recover", file)[1]
     assert run(capsys, "replay", tmp_path / "run.recovered.mcap", "--check")[0] == 0

@@ -16,7 +16,7 @@ SMALL = {
 FAST = ["--ppo.num-envs", "2", "--ppo.rollout-steps", "64", "--ppo.epochs", "1", "--eval-episodes", "2"]
 
 
-def test_train_and_eval(capsys, tmp_path):
+def test_train_and_eval(capsys, tmp_path, caplog):
     out = str(tmp_path / "run")
     command = ["train", "--env", "InvertedDoublePendulum-v5", "--core", "inverted-pendulum-v1", "--steps", "200", *FAST]
     result = run_json(capsys, *command, "--out", out)
@@ -33,6 +33,9 @@ def test_train_and_eval(capsys, tmp_path):
     assert code == 2
     assert "seed is 0 there and 1 here" in err
     assert run_json(capsys, *command, "--out", out, "--resume") == result
+    run_json(capsys, *command, "--out", str(tmp_path / "new"), "--resume")
+    assert f"{tmp_path / 'new'} has no run to go on with: one starts there" in caplog.messages
+    assert "other files than a run's; choose another --out" in run(capsys, *command, "--out", str(tmp_path), "--resume")[2]
 
 
 def test_the_best_policy_is_evaluated_and_exported_as_it_was(capsys, tmp_path):

@@ -11,6 +11,8 @@ from transferkit.evaluation import ZeroPolicy, evaluate
 def test_unknown_names_get_a_suggestion():
     with pytest.raises(UnknownNameError, match="did you mean Hopper-v5"):
         make_env("Hoper-v5")
+    with pytest.raises(UnknownNameError, match="'Hopper'; did you mean Hopper-v"):  # which one would be another some day
+        make_env("Hopper")
     with pytest.raises(UnknownNameError, match="did you mean dm_control/cartpole-balance-v0"):
         make_env("dm_control/cartpole-balanc-v0")
 

@@ -33,7 +33,8 @@ def main(arguments: Sequence[str]) -> Answer:
     scores = evaluation.scores()
     how = ", wrapped and not trained there" if subject.wrapped else ""
     interval = f", 95 % interval {scores['return_low']:.1f} to {scores['return_high']:.1f}" if scores["n"] > 1 else ""
-    text = f"return {scores['return_mean']:.1f}{interval}, {scores['n']} episodes, seed {options.seed}\n{subject.env}{how}"
+    episodes = "episode" if scores["n"] == 1 else "episodes"
+    text = f"return {scores['return_mean']:.1f}{interval}, {scores['n']} {episodes}, seed {options.seed}\n{subject.env}{how}"
     data = {"run_dir": options.name, "env": subject.env, "wrapped": subject.wrapped, "seed": options.seed, **scores}
     data |= {"returns": evaluation.returns, "lengths": evaluation.lengths}
     return Answer(data, text)

@@ -39,8 +39,11 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.names[0].endswith(".mcap"):
         raise ConfigError(f"{options.names[0]} is a recording and not a policy", remedy="write it as a dataset with {minari}")
     check_new(options.out, "out", ".onnx")
-    if options.leapp is not None and options.leapp.with_suffix(".onnx") == options.out:
-        raise ConfigError(f"{options.leapp} needs the file {options.out}", remedy="choose another name for {leapp}")
+    if options.leapp is not None:
+        check_new(options.leapp, "leapp", ".yaml")
+        if options.leapp.with_suffix(".onnx") == options.out:
+            taken = f"{options.leapp} needs the file {options.out} for a network of its own, and {{out}} takes it"
+            raise ConfigError(taken, remedy="choose another name for {leapp}")
     if options.descriptor is not None:
         if options.descriptor == options.leapp:
             raise ConfigError(f"{options.leapp} cannot be both descriptors", remedy="choose another name for {descriptor}")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 COMMANDS = {
     "quickstart": "the main job on real environments, in under two minutes",
-    "zoo": "the cores: list, show ID, find ENV, verify ID... | --all",
+    "zoo": "the cores: list, show ID, find ENV, verify ID...",
     "envs": "the environments: list, show ENV",
     "match": "what of an environment stands for what of a core",
     "train": "train a policy from scratch or around a core",

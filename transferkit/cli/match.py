@@ -37,6 +37,7 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.source.endswith((".yaml", ".yml")):
         if given := [name for name in (*FOUND, "yaml") if getattr(options, name) is not None]:
             raise ConfigError("a descriptor is compared, and not matched", remedy=f"leave out {{{given[0]}}}")
+        _check_no_match(Path(options.source))
         return _descriptor(Path(options.source), str(environment(options)))
     if options.yaml is not None:
         check_new(options.yaml, "yaml", ".yaml")
@@ -60,6 +61,16 @@ def main(arguments: Sequence[str]) -> Answer:
     note = "" if arrays.holds else "\nnothing crosses: a core that is wrapped there begins with random adapters"
     written = f"\n{options.yaml}: edit it, and hand it to `transferkit train --match {options.yaml}`" if options.yaml else ""
     return Answer(data, f"{head}\n{explain(arrays, source, target)}{note}{written}")
+
+
+def _check_no_match(path: Path) -> None:
+    from transferkit.matching import load_match  # noqa: PLC0415 - heavy
+
+    try:
+        load_match(path)
+    except ConfigError:
+        return
+    raise ConfigError(f"{path} is a match", remedy="hand it to {match} of `train`, `eval` or `play`")
 
 
 def _descriptor(path: Path, env: str) -> Answer:

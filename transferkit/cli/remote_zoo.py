@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from transferkit.cli.answer import Answer
 from transferkit.errors import SettingError
 from transferkit.table import format_table
+from transferkit.zoo.catalog import core_folders
 from transferkit.zoo.remote.roots import Root, cached_index, forget, remember, roots
 
 if TYPE_CHECKING:
@@ -95,8 +96,10 @@ def _pull(options: argparse.Namespace) -> Answer:
     from transferkit.cli.progress import counting_progress  # noqa: PLC0415
     from transferkit.zoo.remote.fetch import pull  # noqa: PLC0415
 
+    before = core_folders().get(options.id)
     folder = pull(options.id, options.url, counting_progress("bytes"))
-    return Answer({"id": options.id, "folder": str(folder)}, f"{options.id} is in {folder}")
+    text = f"{options.id} is in {folder}" + (", as it was before" if folder == before else "")
+    return Answer({"id": options.id, "folder": str(folder)}, text)
 
 
 def _push(options: argparse.Namespace) -> Answer:

@@ -29,7 +29,7 @@ def main(arguments: Sequence[str]) -> Answer:
     env = environment(options)
     replayed = _with_video(options.file, options.video, env) if options.video else _replay(options.file, env)
     flaw = f"; {options.file} {replayed.flaw}, this is its whole part" if replayed.flaw else ""
-    text = f"{replayed.episodes} episodes, {replayed.steps} steps: {_verdict(replayed)}{flaw}"
+    text = f"{replayed.episodes} episode{'s' * (replayed.episodes != 1)}, {replayed.steps} steps: {_verdict(replayed)}{flaw}"
     return Answer(asdict(replayed), text, DIFFERENT if options.check and replayed.difference else 0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -17,6 +18,8 @@ from transferkit.cli.flags import defaults, parse, settings_in
 from transferkit.config import TrainConfig, check_read, with_settings
 from transferkit.errors import ConfigError, SettingError
 from transferkit.table import format_table
+
+LOGGER = logging.getLogger("transferkit")
 
 
 @dataclass(frozen=True)
@@ -81,29 +84,37 @@ def _every(record: str | None) -> int:
 
 def _train(request: _Request) -> Answer:
     from transferkit.cli.progress import progress  # noqa: PLC0415 - torch takes seconds to import
-    from transferkit.training import run_training  # noqa: PLC0415
+    from transferkit.run import is_run  # noqa: PLC0415
+    from transferkit.training import default_directory, run_training  # noqa: PLC0415
 
     config = request.config
+    out = request.out or default_directory(config)
+    if request.resume and not is_run(out):
+        LOGGER.warning("%s has no run to go on with: one starts there", out)
     with progress(
         f"{config.core or 'scratch'} on {config.env}", Budget(config.episodes, config.steps, config.seconds)
     ) as report:
-        result = asdict(
-            run_training(config, out=request.out, resume=request.resume, report=report, record_every=request.record_every)
-        )
+        result = asdict(run_training(config, out=out, resume=request.resume, report=report, record_every=request.record_every))
     return Answer(result, format_table(("", config.env), _rows(result)))
+
+
+def _short(value: object) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _rows(result: Mapping[str, Any]) -> list[tuple[str, str]]:
     """The fields of a result; what the run came to before it was given more budget as a row each."""
     told = {
-        "best": "return {return_mean} after {steps} steps",
+        "best": "return {return_mean:.6g} after {steps} steps",
         "probation": "{decided}: {reason}; {episodes} episodes, {steps} steps",
     }
     decided = "trusted" if (result["probation"] or {}).get("accepted") else "refused"
     rows = [
-        (name, told[name].format(**value, decided=decided) if name in told and value else str(value))
+        (name, told[name].format(**value, decided=decided) if name in told else _short(value))
         for name, value in result.items()
-        if name != "earlier"
+        if name != "earlier" and value is not None
     ]
     text = "return {eval_return_mean} after {episodes} episodes, {steps} steps, {seconds} seconds"
     return rows + [(f"before budget {k}", text.format(**before)) for k, before in enumerate(result["earlier"], 2)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from transferkit.envs.contract import Contract
     from transferkit.policy.base import Policy
     from transferkit.record.play import Subject
+
+LOGGER = logging.getLogger("transferkit")
 
 
 class Watched(gymnasium.Wrapper):
@@ -87,6 +90,8 @@ def teacher_in(name: str, env: EnvLike, member: int | None, *, best: bool) -> Su
     home = recorded(watched.env)
     subject = load_subject(name, env=home if is_written(home) else watched.env, member=member, best=best, values=False)
     made.close()
+    if subject.wrapped:
+        LOGGER.warning("%s is wrapped onto %s and not trained there", name, home)
     if subject.policy.hold != 1:
         raise ConfigError(
             f"{name} holds an action for {subject.policy.hold} steps of {home}, and a student answers in every step",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import inspect
 import math
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
+from gymnasium.envs.registration import find_highest_version, parse_env_id
 
 from transferkit.config.checks import Range, unfit
 from transferkit.env_id import EnvId
@@ -150,6 +152,7 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
         raise EnvironmentContractError(
             f"environment {text}", allowed="an id, MODULE:ID or MODULE:FUNCTION", topic="environments"
         )
+    _check_version(given.id)
     try:
         make = _function_in(module, name) if colon else None
         if make is not None:
@@ -172,6 +175,17 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
         raise
     except (Exception, SystemExit) as error:  # of a module or an environment of the user's
         raise failed(text, "making it", error) from error
+
+
+def _check_version(name: str) -> None:
+    """Refuse an id of several versions: which one Gymnasium makes of it is another when there is a newer."""
+    if name in gymnasium.registry or ":" in name:
+        return
+    with contextlib.suppress(gymnasium.error.Error):
+        namespace, base, version = parse_env_id(name)
+        if version is None and find_highest_version(namespace, base) is not None:
+            versions = [known for known in gymnasium.registry if known.rpartition("-v")[0] == name]
+            raise UnknownNameError("environment", name, versions, topic="environments")
 
 
 def _function_in(module: str, name: str) -> Callable[..., Any] | None:

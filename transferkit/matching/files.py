@@ -87,7 +87,7 @@ def load_match(path: str | Path) -> Pairing:
         raise ConfigError(f"cannot read the match {path}: {error.strerror}", topic="matches") from None
     except FormatError as error:
         raise ConfigError(
-            f"the match {path} is none: {error}", remedy="`transferkit match` writes one", topic="matches"
+            f"the match {path} is none: {error}", remedy="`transferkit match CORE ENV --yaml FILE` writes one"
         ) from None
 
 

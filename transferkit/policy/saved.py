@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +103,8 @@ def policy_file(run_dir: str | Path, *, best: bool = False) -> Path:
     """
     check_kind("run_dir", run_dir, (str, Path), "give the folder of a run")
     run = Path(run_dir)
+    if not os.path.isdir(run):
+        raise RunDirectoryError(f"there is no folder {run_dir}", remedy="name the folder of a run")
     if not (run / POLICY).exists() or goes_on(run):
         raise RunDirectoryError(f"{run_dir} holds no finished run", remedy="finish it with {resume=True}")
     if best and not (run / BEST).exists():

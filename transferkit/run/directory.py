@@ -252,9 +252,10 @@ def check_free(path: Path) -> None:
     if "\0" in str(path):
         raise RunDirectoryError("no folder has a name with a null character", remedy="choose another {out}")
     if os.path.exists(path) and any(entry.name not in LEFTOVERS for entry in path.iterdir()):
-        raise RunDirectoryError(
-            f"output directory {path} is in use", remedy="continue it with {resume=True}, or choose another {out}"
-        )
+        if is_run(path):
+            remedy = "continue it with {resume=True}, or choose another {out}"
+            raise RunDirectoryError(f"output directory {path} is in use", remedy=remedy)
+        raise RunDirectoryError(f"output directory {path} is in use by other files than a run's", remedy="choose another {out}")
 
 
 def is_run(path: str | Path) -> bool:

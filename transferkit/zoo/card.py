@@ -147,6 +147,8 @@ def read_card(folder: Path) -> Card:
             raise ArtifactError(newer, remedy="upgrade transferkit")
         return typed({**data, "components": data.get("parts")}, Card)
     except FileNotFoundError:
+        if not folder.is_dir():
+            raise ArtifactError(f"there is no folder {folder}", remedy="name a core's folder", topic="cores") from None
         raise ArtifactError(f"{folder} holds no {CARD}", remedy="name a core's folder", topic="cores") from None
     except OSError as error:
         raise ArtifactError(f"{path} cannot be read: {error.strerror}") from None

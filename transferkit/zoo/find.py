@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from transferkit.envs import derive_spec
@@ -74,7 +75,7 @@ class Played:
 def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
     """Rank the cores of the zoo by how much of them an environment can represent.
 
-    First by inputs and actions, then by the ranges of hinges, then by how near the robots are.
+    First by inputs and actions, then by the ranges of hinges, then the environment's own, then by how near the robots are.
 
     Returns those of which anything can be, and what is wrong with cards that cannot be read or matched.
 
@@ -92,13 +93,13 @@ def find_cores(env: EnvLike) -> tuple[list[Found], list[TransferkitError]]:
             continue
         if match.holds:
             found.append(_found(card, match, target))
-    return sorted(found, key=_order), errors
+    return sorted(found, key=partial(_order, target.env_id)), errors
 
 
-def _order(found: Found) -> tuple[float, float, float]:
+def _order(env_id: str, found: Found) -> tuple[float, float, bool, float]:
     """What is not known is taken as if all was reached, and nothing alike."""
     reached = 1.0 if found.reach is None else found.reach
-    return -found.share, -reached, 1.0 if found.distance is None else found.distance
+    return -found.share, -reached, found.source != env_id, 1.0 if found.distance is None else found.distance
 
 
 def _found(card: Card, match: Match, target: IOSpec) -> Found:

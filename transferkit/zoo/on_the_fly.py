@@ -23,6 +23,10 @@ def imported(file: Path, env: str | None) -> Core:
         ConfigError: no environment is named, or the file does not say something.
         DimensionError: it does not fit the environment.
     """
+    if file.suffix == ".mcap":
+        raise ConfigError(
+            f"{file} is a recording and not a policy", remedy="name a core or a run; `transferkit replay` plays it"
+        )
     if env is None:
         raise ConfigError(f"{file} does not say its environment", remedy="give {env}, the one that it was trained in")
     try:

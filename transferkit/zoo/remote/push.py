@@ -53,4 +53,4 @@ def _index(transport: Transport) -> Index:
 
 def _check_new(index: Index, name: str, url: str) -> None:
     if name in index.cores:
-        raise ArtifactError(f"{url} has a core {name}, which is never rewritten", remedy="choose a higher {version}")
+        raise ArtifactError(f"{url} has a core {name}, which is never rewritten", remedy="choose a higher version for it")
