@@ -46,6 +46,7 @@ STRIPS = {
     "walker2d-v1_walker-walk": "dm_control/walker-walk-v0",
     "walker-walk-v1_Walker2d": "Walker2d-v5",
     "hopper-v1_hopper-stand": "dm_control/hopper-stand-v0",
+    "walker-stand-v1_hopper-stand": "dm_control/hopper-stand-v0",
 }
 """Pictures by name, which begins with the core's; the environment, or None for the core's own."""
 

@@ -65,6 +65,12 @@ PAIRS = (
         "dm_control/hopper-stand-v0",
     ),
     Pair(
+        "Two legs, and one",
+        "In one suite, with one sort of hips: what stands up on two legs gets up on one for moments. It stands for both.",
+        "walker-stand-v1",
+        "dm_control/hopper-stand-v0",
+    ),
+    Pair(
         "Two cheetahs",
         "All joints have counterparts. The front thigh of the one hardly bends forwards (0.007 rad against 0.7), its floor is "
         "less slippery: the core, which knows one body, stumbles.",
