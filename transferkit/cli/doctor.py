@@ -44,6 +44,13 @@ print(torch.version.cuda if torch.cuda.is_available() else "none; --device cpu")
 IMPORT_SECONDS = 300.0  # from a cold disk, on a busy machine
 
 
+def _told(found: object) -> str:
+    """A line's text; of a checkout its commit."""
+    if isinstance(found, dict):
+        return f"{found['commit']}{', with changes' if found['dirty'] else ''}"
+    return "none" if found is None else str(found)
+
+
 def main(arguments: Sequence[str]) -> Answer:
     """Check the installation; exit code 2 if something must be mended."""
     parser("doctor", "Check this installation and say what to mend.").parse_args(arguments)
@@ -51,7 +58,7 @@ def main(arguments: Sequence[str]) -> Answer:
     text = "\n".join(
         (
             format_table(("package", "version"), list(report["versions"].items())),
-            "\n" + "\n".join(f"{name}: {report[key]}" for name, key in ROWS),
+            "\n" + "\n".join(f"{name}: {_told(report[key])}" for name, key in ROWS),
             "\n".join(f"mend: {problem}" for problem in report["problems"]) or "\nnothing to mend",
         )
     )

@@ -19,6 +19,7 @@ from transferkit.table import format_table
 if TYPE_CHECKING:
     from transferkit.nn import Architecture
     from transferkit.policy.core import Origin
+    from transferkit.spec import IOSpec
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,12 @@ class Policy(nn.Module):
             for name in getattr(self, option):
                 if name not in self.parts():
                     raise UnknownNameError(f"part in wrap.{option}", name, list(self.parts()))
+
+
+def between(source: IOSpec, target: IOSpec) -> str:
+    """What a core is wrapped onto, and where it comes from."""
+    takes = f"{target.env_id}: {target.obs_dim} observations, {target.act_dim} actions"
+    return f"{takes}\ncore from {source.env_id}: {source.obs_dim} inputs, {source.act_dim} actions"
 
 
 class ScratchPolicy(Policy):

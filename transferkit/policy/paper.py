@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from transferkit.nn import Linear
-from transferkit.policy.base import Policy
+from transferkit.policy.base import Policy, between
 
 if TYPE_CHECKING:
     from transferkit.config import WrapConfig
@@ -103,6 +103,10 @@ class PaperSandwich(Policy):
             "core_input": [element.name for element in source.observation],
             "core_output": [actuator.name for actuator in source.action],
         }
+
+    def describe(self) -> str:
+        """Describe the dimensions, the adapters, and the parts."""
+        return "\n".join((between(*self._specs), "adapters: random", super().describe()))
 
     def parts(self) -> dict[str, nn.Module | nn.Parameter]:
         """Return the layers, from observation to action."""

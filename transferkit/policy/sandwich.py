@@ -15,7 +15,7 @@ from transferkit.errors import ConfigError
 from transferkit.matching import explain
 from transferkit.nn import Linear, Normalizer, ResidualLinear, gaussian, mlp
 from transferkit.policy.adapters import InputAdapter, output_adapter
-from transferkit.policy.base import Policy
+from transferkit.policy.base import Policy, between
 
 if TYPE_CHECKING:
     from transferkit.config import WrapConfig
@@ -175,13 +175,12 @@ class Sandwich(Policy):
     def describe(self) -> str:
         """Describe the dimensions, what the adapters were matched with, and the parts."""
         source, target = self._specs
-        dims = f"{target.env_id}: {target.obs_dim} observations, {target.act_dim} actions"
-        core = f"core from {source.env_id}: {source.obs_dim} inputs, {source.act_dim} actions, tap={self.config.tap}"
+        ends = f"{between(source, target)}, tap={self.config.tap}"
         if self._match is None:
             adapters = "adapters: random; nothing is matched"
         else:
             adapters = f"adapters: {self._adapter}\n{explain(self._match, source, target)}"
-        return "\n".join((dims, core, adapters, super().describe()))
+        return "\n".join((ends, adapters, super().describe()))
 
     def blueprint(self) -> dict[str, Any]:
         """Return core architecture, specs and options."""
