@@ -44,7 +44,7 @@ class EnvId:
             ConfigError: an argument without a name or a value, or a name twice.
         """
         name, _, query = text.partition("?")
-        given = _assignments(query.split("&") if query else [], text)
+        given = _assignments(query.split("&") if query else [], "argument", text)
         kwargs = {key: value for key, value in given.items() if not key.startswith(VARY)}
         return cls(name, kwargs, {key.removeprefix(VARY): value for key, value in given.items() if key.startswith(VARY)})
 
@@ -54,8 +54,8 @@ class EnvId:
         Raises:
             ConfigError: a word without a name or a value, or a name twice.
         """
-        more = _assignments(list(kwargs), f"argument of environment {self.id}")
-        varied = _assignments(list(variation), f"variation of environment {self.id}")
+        more = _assignments(list(kwargs), "argument", self.id)
+        varied = _assignments(list(variation), "variation", self.id)
         return replace(self, kwargs={**self.kwargs, **more}, variation={**self.variation, **varied})
 
     def __str__(self) -> str:
@@ -64,14 +64,14 @@ class EnvId:
         return "?".join(filter(None, (self.id, "&".join(parts))))
 
 
-def _assignments(words: list[str], what: str) -> dict[str, Any]:
+def _assignments(words: list[str], what: str, env: str) -> dict[str, Any]:
     given: dict[str, Any] = {}
     for word in words:
         name, equals, value = word.partition("=")
         if not (name and equals and value):
-            raise ConfigError(what, value=word, allowed="NAME=VALUE")
+            raise ConfigError(f"{what} of environment {env}", value=word, allowed="NAME=VALUE")
         if name in given:
-            raise ConfigError(f"{what.partition(' of ')[2]} has {name} twice", remedy="leave one out", topic="environments")
+            raise ConfigError(f"environment {env} has {name} twice", remedy="leave one out", topic="environments")
         given[name] = _value(unquote(value))
     return given
 
