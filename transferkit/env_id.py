@@ -64,6 +64,12 @@ class EnvId:
         return "?".join(filter(None, (self.id, "&".join(parts))))
 
 
+def brief(text: str) -> str:
+    """An environment in writing, perhaps a stranger's, for a cell of a table: what is varied does not fit."""
+    name, _, query = text.partition("?")
+    return f"{name}, varied" if VARY in query else text
+
+
 def _assignments(words: list[str], what: str, env: str) -> dict[str, Any]:
     given: dict[str, Any] = {}
     for word in words:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import core_zoo
+from transferkit.env_id import brief
 from transferkit.zoo.card import CARD, read_card
 from transferkit.zoo.crossings import read_crossings
 from transferkit.zoo.readme import render
@@ -40,7 +41,7 @@ def _row(card: Card, crossings: Crossings | None) -> str:
     found = () if crossings is None else crossings.cores.get(card.id, ())
     cells = (
         f"[{card.id}](#{card.id})",
-        card.source.env_id,
+        brief(card.source.env_id),
         f"{score.mean:.1f}",
         f"{score.low:.1f} to {score.high:.1f}",
         f"{score.threshold:g}",

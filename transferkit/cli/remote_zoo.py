@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from transferkit.cli.answer import Answer
+from transferkit.env_id import brief
 from transferkit.errors import SettingError
 from transferkit.table import format_table
 from transferkit.zoo.catalog import core_folders
@@ -28,7 +29,7 @@ URL = "URL of a zoo: a folder, http(s)://, s3://, gs:// or hf://"
 
 def cells(summary: Summary) -> tuple[Any, ...]:
     """A core's line of a table."""
-    shape = summary.source_env, summary.obs_dim, summary.act_dim, ", ".join(summary.parts), summary.members
+    shape = brief(summary.source_env), summary.obs_dim, summary.act_dim, ", ".join(summary.parts), summary.members
     score = f"{summary.score_mean:.1f}", f"{summary.score_low:.1f} to {summary.score_high:.1f}", f"{summary.threshold:g}"
     return *shape, *score
 

@@ -14,6 +14,7 @@ from transferkit.cli.endings import USER_ERROR
 from transferkit.cli.environment import add_environment, environment
 from transferkit.cli.remote_zoo import REMOTE, SUMMARY, add_remote, cells, list_remote
 from transferkit.cli.wording import worded
+from transferkit.env_id import brief
 from transferkit.errors import ConfigError, TransferkitError
 from transferkit.table import format_table
 from transferkit.zoo.catalog import core_folders, find_card, find_core, list_cards
@@ -80,7 +81,16 @@ def _find(options: argparse.Namespace) -> Answer:
         return Answer([], f"nothing crosses: {env} represents no input and action of any core")
     header = ["id", "source", "inputs", "actions", "hold", "limbs", "ranges", "distance"]
     table = [
-        [one.core, one.source, _share(one.inputs), _share(one.actions), one.hold, one.copies, _share(one.reach), _apart(one)]
+        [
+            one.core,
+            brief(one.source),
+            _share(one.inputs),
+            _share(one.actions),
+            one.hold,
+            one.copies,
+            _share(one.reach),
+            _apart(one),
+        ]
         for one in found
     ]
     data = [asdict(one) for one in found]
