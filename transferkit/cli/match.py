@@ -11,7 +11,7 @@ from transferkit.cli.answer import Answer, parser, whole
 from transferkit.cli.environment import add_environment, environment
 from transferkit.config.checks import check_value
 from transferkit.config.wrap import APART, FOUND, HELD
-from transferkit.errors import ConfigError, SettingError, UnknownNameError
+from transferkit.errors import ArtifactError, ConfigError, SettingError, UnknownNameError
 from transferkit.files import check_new
 from transferkit.pairing import Angles, Forces, Limbs
 from transferkit.table import format_table
@@ -37,7 +37,6 @@ def main(arguments: Sequence[str]) -> Answer:
     if options.source.endswith((".yaml", ".yml")):
         if given := [name for name in (*FOUND, "yaml") if getattr(options, name) is not None]:
             raise ConfigError("a descriptor is compared, and not matched", remedy=f"leave out {{{given[0]}}}")
-        _check_no_match(Path(options.source))
         return _descriptor(Path(options.source), str(environment(options)))
     if options.yaml is not None:
         check_new(options.yaml, "yaml", ".yaml")
@@ -64,6 +63,7 @@ def main(arguments: Sequence[str]) -> Answer:
 
 
 def _check_no_match(path: Path) -> None:
+    """Say what a file is that is no descriptor, if it is a match."""
     from transferkit.matching import load_match  # noqa: PLC0415 - heavy
 
     try:
@@ -78,7 +78,12 @@ def _descriptor(path: Path, env: str) -> Answer:
     from transferkit.descriptors import compare, read_descriptor, remap  # noqa: PLC0415
     from transferkit.envs import derive_spec  # noqa: PLC0415
 
-    descriptor, spec = read_descriptor(path), derive_spec(env)
+    try:
+        descriptor = read_descriptor(path)
+    except ArtifactError:
+        _check_no_match(path)
+        raise
+    spec = derive_spec(env)
     rows, whole = compare(descriptor, spec), remap(descriptor, spec) is not None
     differing = [row for row in rows if row.differs]
     table = [(f"{row.part} {row.index}", row.described, row.measured, row.verdict, row.detail) for row in rows]

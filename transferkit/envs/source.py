@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import inspect
 import math
@@ -14,7 +13,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
-from gymnasium.envs.registration import find_highest_version, parse_env_id
 
 from transferkit.config.checks import Range, unfit
 from transferkit.env_id import EnvId
@@ -179,13 +177,9 @@ def _from_id(text: str, render_mode: str | None) -> gymnasium.Env:
 
 def _check_version(name: str) -> None:
     """Refuse an id of several versions: which one Gymnasium makes of it is another when there is a newer."""
-    if name in gymnasium.registry or ":" in name:
-        return
-    with contextlib.suppress(gymnasium.error.Error):
-        namespace, base, version = parse_env_id(name)
-        if version is None and find_highest_version(namespace, base) is not None:
-            versions = [known for known in gymnasium.registry if known.rpartition("-v")[0] == name]
-            raise UnknownNameError("environment", name, versions, topic="environments")
+    versions = [known for known in gymnasium.registry if known.rpartition("-v")[0] == name]
+    if versions and name not in gymnasium.registry:
+        raise UnknownNameError("environment", name, versions, topic="environments")
 
 
 def _function_in(module: str, name: str) -> Callable[..., Any] | None:
