@@ -26,8 +26,10 @@ LARGEST = 1e6
 MOST_DELAY = 1000
 """Control steps."""
 MOST_FRAMES = 100
+STEP_FACTORS = (1e-3, 1e3)
+"""By which a control step may be multiplied."""
 
-WHOLE = ("delay", "permute_observation", "drop_observation", "frames", "dead_actuator")
+WHOLE = ("control_step", "delay", "permute_observation", "drop_observation", "frames", "dead_actuator")
 """Of an environment as a whole."""
 
 NAMES = (*FACTORS, *WHOLE, "noise")
@@ -45,6 +47,8 @@ class Variation:
 
     factors: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
     """By property and part; the part `` stands for all of them."""
+    control_step: Amount = (1.0, 1.0)
+    """Factor of a control step's length; whole physics steps are what is drawn."""
     delay: Amount = (0, 0)
     """Control steps by which actions come late."""
     noise: Mapping[str, Amount] = field(default_factory=dict)
@@ -87,6 +91,7 @@ class Variation:
                 for name, table in tables.items()
                 if name in FACTORS
             },
+            _amount("control_step", single.get("control_step", 1.0), *STEP_FACTORS),
             _whole("delay", single.get("delay", 0), 0, MOST_DELAY),
             {part: _amount("noise", value, 0.0, LARGEST) for part, value in tables.get("noise", {}).items()},
             _places("permute_observation", single.get("permute_observation", ())),
@@ -116,7 +121,11 @@ class Variation:
             for part, amount in table.items()
         }
         lists = {name: list(getattr(self, name)) for name in ("permute_observation", "drop_observation", "dead_actuator")}
-        whole = {"delay": _plain((int(self.delay[0]), int(self.delay[1]))), "frames": self.frames if self.frames > 1 else 0}
+        whole = {
+            "control_step": 0 if self.control_step == (1.0, 1.0) else _plain(self.control_step),
+            "delay": _plain((int(self.delay[0]), int(self.delay[1]))),
+            "frames": self.frames if self.frames > 1 else 0,
+        }
         return flat | {name: value for name, value in (whole | lists).items() if value}
 
     def draw(self, rng: np.random.Generator) -> dict[str, dict[str, float]]:

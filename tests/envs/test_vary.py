@@ -120,8 +120,27 @@ def test_a_range_is_drawn_from_the_seed_of_each_episode():
     assert 0.7 <= ratio[0] <= 1.3
 
 
+def test_a_control_step_has_other_physics_steps():
+    np.testing.assert_array_equal(played(vary(HOPPER, control_step=0.5)), played(gymnasium.make(HOPPER, frame_skip=2)))
+    specs = [derive_spec(env) for env in (HOPPER, f"{HOPPER}?vary.control_step=0.5", f"{HOPPER}?vary.control_step=[0.5,1.5]")]
+    assert [spec.time_step for spec in specs] == [0.008, 0.004, 0.008]
+    assert specs[0].action == specs[1].action == specs[2].action
+    assert derive_spec("dm_control/cheetah-run-v0?vary.control_step=2").time_step == 0.02
+    assert match(HOPPER, f"{HOPPER}?vary.control_step=0.5").hold == 2
+    on_top = vary(vary(HOPPER, control_step=2), control_step=0.5)
+    np.testing.assert_array_equal(played(on_top), played(gymnasium.make(HOPPER, frame_skip=2)))
+
+
+def test_a_control_step_is_one_of_a_few_in_every_episode():
+    env, other = (vary(HOPPER, control_step=(0.5, 1.5)) for _ in range(2))
+    drawn = [(env.reset(), env.unwrapped.frame_skip)[1] for _ in range(60)]
+    assert set(drawn) == {2, 3, 4, 5, 6}
+    np.testing.assert_array_equal(played(env, 3), played(other, 3))
+    assert recorded(env) == "Hopper-v5?vary.control_step=[0.5,1.5]"
+
+
 def test_an_episode_is_restored_to_the_bit():
-    make = lambda: make_env(vary(HOPPER, mass=(0.7, 1.3), noise=0.01, delay=1))  # noqa: E731
+    make = lambda: make_env(vary(HOPPER, mass=(0.7, 1.3), noise=0.01, delay=1, control_step=(0.5, 1.5)))  # noqa: E731
     envs, twin = (VectorEnv([make()], lambda _, episode: 7 + episode) for _ in range(2))
     envs.reset()
     for _ in range(40):
@@ -203,6 +222,10 @@ def test_it_is_written_down():
         (HOPPER, {"frames": (1, 2)}, ConfigError, "must be one number and no range"),
         (HOPPER, {"drop_observation": ["x"]}, UnknownNameError, "unknown element of the observation 'x'"),
         (HOPPER, {"dead_actuator": [3]}, ConfigError, "dead_actuator=3 must be 0 to 2"),
+        (HOPPER, {"control_step": 0.3}, ConfigError, "control_step=0.3 must be a multiple of 0.25, or a range with one"),
+        (HOPPER, {"control_step": (1.1, 1.2)}, ConfigError, "a control step is 4 physics steps"),
+        (HOPPER, {"control_step": 0}, ConfigError, "control_step=0 must be a number or a range, low first, 0.001 to 1000"),
+        ("CartPole-v1", {"control_step": 2}, ConfigError, "holds no number of physics steps"),
         ("CartPole-v1", {"mass": 1.1}, ConfigError, "is not a MuJoCo environment"),
         ("dm_control/dog-run-v0", {"length": 1.1}, ConfigError, "its inertia is given in numbers"),
     ],

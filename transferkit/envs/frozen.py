@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from transferkit.envs.memento import generators
-from transferkit.envs.simulation import attributes
+from transferkit.envs.simulation import COUNTERS, attributes, counts
 from transferkit.errors import TransferkitError
 from transferkit.physics import mujoco
 
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 MOMENT = 1e-13
 """Seconds of a physics step; an acceleration of 1e6 moves a velocity by less than what counts as a change."""
 
-STEPPING = {"frame_skip": 1, "_n_sub_steps": 1, "legacy_step": False}
-"""Attributes of Gymnasium's and dm_control's environments, by which a control step is one whole physics step."""
+STEPPING = {**dict.fromkeys(COUNTERS, 1), "legacy_step": False}
+"""Attributes by which a control step is one whole physics step."""
 
 STEPS = ("mj_step", "mj_step1", "mj_step2")
 """MuJoCo's functions that let time pass."""
@@ -99,7 +99,7 @@ class Frozen:
         option = self._simulation.model.opt
         self._integrator = option.integrator
         keepers = self._simulation.keepers
-        self._stepping = [(own, name, attributes(own)[name]) for own in keepers for name in STEPPING if _counts(own, name)]
+        self._stepping = [(own, name, attributes(own)[name]) for own in keepers for name in STEPPING if counts(own, name)]
         for keeper, name, _ in self._stepping:
             setattr(keeper, name, STEPPING[name])
         self._real = {name: getattr(mujoco, name) for name in STEPS} if self._by_clock else {}
@@ -178,11 +178,6 @@ class Frozen:
             setattr(keeper, ENDING, False)
         for pin in (self._noisy or ()) if self.pinned else ():
             pin.restore()
-
-
-def _counts(keeper: object, name: str) -> bool:
-    """Whether an attribute counts physics steps of a control step, and nothing else: composer's delays are of such steps."""
-    return name in attributes(keeper) and "_observation_updater" not in attributes(keeper)
 
 
 def _stand(model: mujoco.MjModel, data: mujoco.MjData, nstep: int = 1) -> None:

@@ -100,10 +100,11 @@ def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbe
     Args:
         env: in any form that `make_env` takes; of one that is made the model is changed in place.
         **changes: `mass` and `length` (by body), `gear` (by actuator or its joint), `damping` (by joint), `friction` (sliding,
-            by geom), `gravity`: factors. `delay`: control steps by which actions come late. `noise`: standard deviation on
-            the observation, in its units, for all elements or by name. `permute_observation`: names or indices of elements that
-            change places. `drop_observation`: of those that it then lacks. `frames`: how many of the latest observations are
-            one, the oldest first. `dead_actuator`: names or indices of actuators without force.
+            by geom), `gravity`: factors. `control_step`: a factor, too, in whole physics steps. `delay`: control steps by
+            which actions come late. `noise`: standard deviation on the observation, in its units, for all elements or by name.
+            `permute_observation`: names or indices of elements that change places. `drop_observation`: of those that it then
+            lacks. `frames`: how many of the latest observations are one, the oldest first. `dead_actuator`: names or indices
+            of actuators without force.
 
     Raises:
         UnknownNameError: nothing of this name can be varied, or the model has no such part.

@@ -15,6 +15,9 @@ DEPTH = 3
 """How far below an environment its model and data are looked for: `env.robot.physics.data`."""
 
 
+COUNTERS = ("frame_skip", "_n_sub_steps")
+"""Attributes of Gymnasium's and dm_control's environments that hold how many physics steps a control step has."""
+
 FEW = 16
 """Items of a tuple, list or dictionary that are looked at."""
 
@@ -36,6 +39,11 @@ class Simulation:
         """The owner and what it is made of: one of them counts the steps."""
         physics = [self.owner.physics] if self.backend == "dm_control" else []
         return [self.owner, *_parts(self.owner), *physics]
+
+    @property
+    def counters(self) -> list[tuple[Any, str]]:
+        """What holds the number of physics steps of a control step, and under what name."""
+        return [(keeper, name) for keeper in self.keepers for name in COUNTERS if counts(keeper, name)]
 
     @property
     def model(self) -> mujoco.MjModel:
@@ -88,6 +96,11 @@ def _items(own: dict[str, Any]) -> Iterator[Any]:
         yield value
         if isinstance(value, tuple | list | dict) and len(value) <= FEW:
             yield from value.values() if isinstance(value, dict) else value
+
+
+def counts(keeper: object, name: str) -> bool:
+    """Whether an attribute counts physics steps of a control step, and nothing else: composer's delays are of such steps."""
+    return name in attributes(keeper) and "_observation_updater" not in attributes(keeper)
 
 
 def attributes(holder: object) -> dict[str, Any]:

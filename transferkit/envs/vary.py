@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import math
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -27,6 +28,9 @@ from transferkit.variation import Variation, draw
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
+
+ROUNDING = 1e-6
+"""Of a physics step."""
 
 LOADERS = ("from_xml_path", "from_xml_string")
 """Methods of `MjModel` that read a model."""
@@ -53,6 +57,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         """Whether what is a range stays in its middle, while the robot is looked at."""
         changes_model = bool(self.variation.factors or self.variation.dead_actuator)
         self._model = _Model(env, again) if changes_model else None
+        self._pace = _Pace(env, self.variation.control_step) if "control_step" in self.variation.written() else None
         spec = _spec(env) if self._by_name else None
         self._names = [] if spec is None else [element.name for element in spec.observation]
         drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
@@ -97,8 +102,9 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
 
     def with_more(self, variation: dict[str, Any]) -> Varied:
         """The same environment with more changes, in place of those of the same name."""
-        if self._model is not None:
-            self._model.restore()
+        for changed in (self._model, self._pace):
+            if changed is not None:
+                changed.restore()
         return Varied(self.env, {**self.variation.written(), **variation}, self._again)
 
     @property
@@ -119,6 +125,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         self._deviation = np.zeros(_size(self.env))
         for name, amount in sorted(self.variation.noise.items(), key=lambda one: one[0] != ""):  # for all, then by name
             self._deviation[self._index(name, "noise") if name else slice(None)] = draw(amount, self._rng)
+        if self._pace is not None:
+            self._pace.change(None if self.nominal else self._rng)
 
     def _observed(self) -> NDArray[np.float64]:
         return np.concatenate(self._frames)
@@ -185,6 +193,43 @@ class _Model:
             live[different] = new[different]
         if model.stat.meaninertia != self._base.stat.meaninertia:
             self._live.stat.meaninertia = model.stat.meaninertia
+
+
+class _Pace:
+    """How many physics steps a control step has: one of a few numbers."""
+
+    def __init__(self, env: gymnasium.Env, factor: tuple[float, float]) -> None:
+        simulation = open_simulation(env)
+        self._counters = [] if simulation is None else simulation.counters
+        held = [getattr(keeper, name) for keeper, name in self._counters]
+        if len(held) != 1:
+            raise ConfigError(
+                f"control_step of {env} cannot be varied: it holds no number of physics steps (`frame_skip`)",
+                topic="variations",
+            )
+        self._own = held[0]
+        self._least, self._most = math.ceil(factor[0] * self._own - ROUNDING), math.floor(factor[1] * self._own + ROUNDING)
+        if not 1 <= self._least <= self._most:
+            raise ConfigError(
+                "variation control_step",
+                value=factor[0] if factor[0] == factor[1] else list(factor),
+                allowed=f"a multiple of {1 / self._own:g}, or a range with one: a control step is {self._own} physics steps",
+                topic="variations",
+            )
+
+    def change(self, rng: np.random.Generator | None) -> None:
+        """Draw a number; without a generator the own one, or the middle if it is not among them."""
+        least, most = self._least, self._most
+        own = self._own if least <= self._own <= most else (least + most) // 2
+        self._hold(own if rng is None else int(rng.integers(least, most + 1)))
+
+    def restore(self) -> None:
+        """Give the environment its own number back."""
+        self._hold(self._own)
+
+    def _hold(self, steps: int) -> None:
+        for keeper, name in self._counters:
+            setattr(keeper, name, steps)
 
 
 @contextmanager
