@@ -12,7 +12,7 @@ import numpy as np
 
 from transferkit.matching.match import compiled
 from transferkit.matching.pair import Driver
-from transferkit.matching.scales import length_scale
+from transferkit.matching.scales import length_scale, mass
 from transferkit.matching.tree import parallel
 from transferkit.pairing import Copy, Pairing
 
@@ -36,7 +36,7 @@ def earlier_match(source: IOSpec, target: IOSpec) -> Match:
             partner = min(fitting, key=lambda one, name=joint.model_name: one.model_name != name)
             pairs[joint.name], signs[joint.name] = partner.name, float(np.sign(np.dot(joint.axis, partner.axis)))
     scale = length_scale(source, target, pairs, limbs=False)
-    actions = Driver(source, target, scale, "acceleration").actions(pairs, dict.fromkeys(pairs, 1))
+    actions = Driver(source, target, scale, "acceleration", weighs=mass(source)).actions(pairs, dict.fromkeys(pairs, 1))
     copy = Copy({name: {partner: signs[name]} for name, partner in pairs.items()}, actions)
     return compiled(Pairing(source.env_id, target.env_id, (copy,), scale), source, target)
 

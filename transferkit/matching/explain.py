@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from transferkit.matching.family import Family, family_of
 from transferkit.matching.formless import same_values
 from transferkit.matching.limits import limits, unlike
 from transferkit.matching.scales import gravity_scale
@@ -45,7 +46,7 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
 
     Joints of the target have a line where nothing reads them.
     """
-    lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target))]
+    lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target)), *_family(source)]
     left_out = unmatched(match, source, target)
     for k in range(match.copies):
         why = {(one.kind, one.name): f"not matched: {one.why}" for one in left_out if one.copy == k + 1}
@@ -58,17 +59,21 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
     lines += [f"  the target's joint {name} ({model_name}) = not matched: {why}" for name, model_name, why in unread]
     idle = {one.name: one.why for one in left_out if one.kind == "action"}
     lines += [*_actions(match, source, target, idle), *_limits(match, source, target)]
-    unlikes = unlike(match, source, target)
-    lines += [
-        f"  differs: the force of action {one.name} {ACTS[one.feedback]}; the core's {ACTS[one.wanted]}" for one in unlikes
-    ]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_unlike(match, source, target)])
 
 
 def _scales(pairing: Pairing, gravity: float) -> str:
     held = f"; held for {pairing.hold} control steps" if pairing.hold > 1 else ""
     heavier = "" if math.isclose(gravity, 1, rel_tol=5e-3) else f", its gravity {gravity:.3g} times"
     return f"  lengths: the source's are {pairing.length:.3g} times the target's{heavier}; {KEPT[pairing.forces]}{held}"
+
+
+def _family(source: IOSpec) -> list[str]:
+    """A line if the core's robot was drawn anew in every episode."""
+    family = family_of(source)
+    lengths, masses = ("{:.3g} to {:.3g}".format(*amount) for amount in family)
+    met = f"lengths of {lengths} and masses of {masses} times its own"
+    return [] if family == Family() else [f"  family: the core has met {met}, and is scaled to no such body"]
 
 
 def _joints(copy: Copy, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str]) -> list[str]:

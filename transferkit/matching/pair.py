@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from transferkit.matching.align import Aligner
+from transferkit.matching.family import family_of
 from transferkit.matching.scales import aims, factors, gravity_scale, hold_steps, kept, length_scale, mass, strength
 from transferkit.matching.tree import below, parallel
 from transferkit.pairing import Copy, Pairing
@@ -48,9 +49,11 @@ def pair(
     keeps = kept(forces, source, target)
     carries = keeps != "acceleration"
     scale = length_scale(source, target, first, limbs=carries)
+    familiar = family_of(source).has(1 / scale, mass(target) / mass(source) if mass(source) else 1.0)
+    scale = 1.0 if familiar else scale
     every = _copied(aligner, _shared(aligner, first)) if limbs == "all" else [first]
     read = _Reader(source, target, aligner.trees, angles)
-    drive = Driver(source, target, scale, keeps)
+    drive = Driver(source, target, scale, keeps, weighs=mass(target if familiar else source))
     copies = []
     for number, pairs in enumerate(every):
         own = {one: other for one, other in pairs.items() if number == 0 or first.get(one) != other}
@@ -157,11 +160,11 @@ def swing(joint: Joint, other: Joint) -> float:
 class Driver:
     """What drives each actuator of a target."""
 
-    def __init__(self, source: IOSpec, target: IOSpec, scale: float, keeps: Kept) -> None:
+    def __init__(self, source: IOSpec, target: IOSpec, scale: float, keeps: Kept, *, weighs: float) -> None:
         self._source, self._target = source, target
         self._keeps: Kept = keeps
         self._axes = tuple({joint.name: joint.axis for joint in spec.joints} for spec in (source, target))
-        self._own = {one.name: strength(one, scale, mass(source), gravity_scale(source, target)) for one in source.action}
+        self._own = {one.name: strength(one, scale, weighs, gravity_scale(source, target)) for one in source.action}
         self._others = {one.name: strength(one, 1.0, mass(target)) for one in target.action}
 
     def actions(self, pairs: Pairs, bearing: Mapping[str, int]) -> dict[str, Combination]:
