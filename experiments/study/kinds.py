@@ -127,13 +127,13 @@ def untrained(study: Study, pairs: Sequence[Sequence[str]]) -> Lines:
     return lines
 
 
-def kept(study: Study, changes: Mapping[str, str]) -> Lines:
+def kept(study: Study, changes: Mapping[str, str], cores: Sequence[str] = ()) -> Lines:
     """A line for every core, which is never trained: its own score, and what share of it remains where its robot is changed.
 
-    `changes` maps headings to what is added to the robot's id.
+    `changes` maps headings to what is added to the robot's id; `cores` are some of them.
     """
     lines = [["core", "own score", *changes, "mean"]]
-    for core in sorted({row.core for row in study.rows if row.core}):
+    for core in cores or sorted({row.core for row in study.rows if row.core}):
         rows = [row for row in study.rows if row.core == core]
         own = min((row.target for row in rows), key=len)
         targets = own, *(f"{own}?{change}" for change in changes.values())

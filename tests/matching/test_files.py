@@ -49,6 +49,9 @@ def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core
     copy = Copy({}, {"drive.slide_x": {"drive.slide_x": 1.0}}, inputs={"hinge_y.position": {"slide_x.position": 3.0}})
     text = wrap(untrained_core, TWO, match=Pairing(ONE, TWO, (copy,))).describe()
     assert "core input hinge_y.position = +3 slide_x.position" in text
+    assert "  joint hinge_y (hinge) = not matched: it is read by name alone" in text
+    assert "  the target's joint slide_x (slider) = not matched: it is read by name alone" in text
+    assert "  the target's joint hinge_y (hinge) = not matched: it is left out, though another could stand for it" in text
 
 
 @pytest.mark.parametrize(

@@ -37,16 +37,15 @@ def unmatched(match: Match, source: IOSpec, target: IOSpec) -> list[Unmatched]:
         if joints is not None:
             found += [
                 Unmatched("joint", *one, k + 1)
-                for one in _left_out(balanced(source.joints), joints, balanced(target.joints), read)
+                for one in _left_out(source, joints, target, read, _measuring(source, copies[k].inputs))
             ]
         forms = match.form[k * source.obs_dim :][: source.obs_dim]
         inputs = [element for element, form in zip(source.observation, forms, strict=True) if form == "none"]
         found += [Unmatched("core input", element.name, _why(element, joints), k + 1) for element in inputs]
     if copies:
         stand = {name for copy in copies for name in copy.joints}
-        found += [
-            Unmatched("target joint", *one) for one in _left_out(balanced(target.joints), read, balanced(source.joints), stand)
-        ]
+        named = {name for copy in copies for reads in copy.inputs.values() for name in reads}
+        found += [Unmatched("target joint", *one) for one in _left_out(target, read, source, stand, _measuring(target, named))]
     idle = [actuator for actuator, row in zip(target.action, match.action_weight, strict=True) if not any(row)]
     return [*found, *(Unmatched("action", actuator.name, _why_idle(actuator)) for actuator in idle)]
 
@@ -56,14 +55,20 @@ def _why_idle(actuator: Actuator) -> str:
     return "nothing of the core drives it" + (" (it pushes no joint, or several)" if actuator.joint is None else "")
 
 
+def _measuring(spec: IOSpec, elements: Collection[str]) -> set[str]:
+    """The joints that these elements of an observation measure."""
+    return {joint for element in spec.observation if element.name in elements for joint in element.joints}
+
+
 def _left_out(
-    joints: Sequence[Joint], matched: Collection[str], others: Sequence[Joint], taken: Collection[str]
+    one: IOSpec, matched: Collection[str], other: IOSpec, taken: Collection[str], by_name: Collection[str]
 ) -> Iterator[tuple[str, str]]:
     """Joints of one robot that are not matched, each with the reason, where some of the other robot's are taken."""
-    free = [other for other in others if other.name not in taken]
-    for joint in joints:
+    others = balanced(other.joints)
+    free = [joint for joint in others if joint.name not in taken]
+    for joint in balanced(one.joints):
         if joint.name not in matched:
-            yield joint.name, _why_left_out(joint, free, others)
+            yield joint.name, "it is read by name alone" if joint.name in by_name else _why_left_out(joint, free, others)
 
 
 def _why_left_out(joint: Joint, free: Sequence[Joint], others: Sequence[Joint]) -> str:
