@@ -28,6 +28,7 @@ STRIPS = {
             "cartpole-balance-v2",
             "cartpole-swingup-v2",
             "half-cheetah-v1",
+            "hopper-family-v1",
             "hopper-v1",
             "inverted-pendulum-family-v1",
             "inverted-pendulum-v2",

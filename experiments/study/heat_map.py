@@ -45,7 +45,9 @@ def draw_heat_map(study: Study) -> Figure:
         if np.isfinite(share := shares[i, j]):
             colour, weight = "black" if share > LIGHT else "white", "bold" if found.crosses else "normal"
             axis.text(j, i, f"{found.mean:.0f}", ha="center", va="center", color=colour, fontweight=weight)
-    axis.set_xticks(range(len(targets)), [verbatim(short(name)) for name in targets], rotation=40, ha="right")
+    axis.set_xticks(
+        range(len(targets)), [verbatim(short(name)).replace("&", "\n&") for name in targets], rotation=40, ha="right"
+    )
     axis.set_yticks(range(len(cores)), [verbatim(name) for name in cores])
     bar = figure.colorbar(picture, ax=axis, shrink=0.8)
     bar.set_label("0: zero action, 1: best known", fontsize="small")

@@ -180,11 +180,12 @@ def _keys(rows: Iterable[Row], by: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _select(rows: Iterable[Row], picked: Mapping[str, object]) -> list[Row]:
-    """The runs with these values; runs without a core belong to every core."""
+    """The runs with these values, or with one of a list; runs without a core belong to every core."""
+    wanted = {name: value if isinstance(value, list) else [value] for name, value in picked.items()}
     return [
         row
         for row in rows
-        if all(getattr(row, name) == value or (name == "core" and not row.core) for name, value in picked.items())
+        if all(getattr(row, name) in values or (name == "core" and not row.core) for name, values in wanted.items())
     ]
 
 
