@@ -37,8 +37,9 @@ def test_a_weaker_motor_gets_more_of_the_action():
 
 
 def test_factors_are_of_the_body_that_the_spec_describes():
-    assert family_of(family()) == Family((0.7, 1.3), (pytest.approx(0.49), pytest.approx(1.69)))
-    assert family_of(family(f"{HOPPER}?vary.length=[1.4,1.6]")).lengths == pytest.approx((1.4 / 1.5, 1.6 / 1.5))
+    hopper = derive_spec(HOPPER)
+    assert family_of(family(), hopper) == Family((0.7, 1.3), (pytest.approx(0.49), pytest.approx(1.69)))
+    assert family_of(family(f"{HOPPER}?vary.length=[1.4,1.6]"), hopper).lengths == pytest.approx((1.4 / 1.5, 1.6 / 1.5))
     for name in (
         HOPPER,
         f"{HOPPER}?vary.mass=2",
@@ -47,7 +48,13 @@ def test_factors_are_of_the_body_that_the_spec_describes():
         "a?b",
         "?vary.x=1",
     ):
-        assert family_of(family(name)) == Family()
+        assert family_of(family(name), hopper) == Family()
+
+
+def test_another_robot_is_no_body_of_the_family():
+    walker, (one, other) = derive_spec("Walker2d-v5"), (family(), derive_spec(HOPPER))
+    assert family_of(one, walker) == Family()
+    assert pair(one, walker, forces="greater").copies == pair(other, walker, forces="greater").copies
 
 
 def test_a_match_says_what_its_core_has_met():

@@ -46,7 +46,7 @@ def explain(match: Match, source: IOSpec, target: IOSpec) -> str:
 
     Joints of the target have a line where nothing reads them.
     """
-    lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target)), *_family(source)]
+    lines = [] if match.pairing is None else [_scales(match.pairing, gravity_scale(source, target)), *_family(source, target)]
     left_out = unmatched(match, source, target)
     for k in range(match.copies):
         why = {(one.kind, one.name): f"not matched: {one.why}" for one in left_out if one.copy == k + 1}
@@ -68,9 +68,9 @@ def _scales(pairing: Pairing, gravity: float) -> str:
     return f"  lengths: the source's are {pairing.length:.3g} times the target's{heavier}; {KEPT[pairing.forces]}{held}"
 
 
-def _family(source: IOSpec) -> list[str]:
+def _family(source: IOSpec, target: IOSpec) -> list[str]:
     """A line if the core's robot was drawn anew in every episode."""
-    family = family_of(source)
+    family = family_of(source, target)
     lengths, masses = ("{:.3g} to {:.3g}".format(*amount) for amount in family)
     met = f"lengths of {lengths} and masses of {masses} times its own"
     return [] if family == Family() else [f"  family: the core has met {met}, and is scaled to no such body"]

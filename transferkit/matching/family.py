@@ -1,4 +1,4 @@
-"""What a core of a family has met: to a body that was among it nothing is scaled."""
+"""What a core of a family has met of its robot: to a body that was among it nothing is scaled."""
 
 from __future__ import annotations
 
@@ -28,11 +28,13 @@ class Family(NamedTuple):
         return self != Family() and _within(length, self.lengths) and _within(mass, self.masses)
 
 
-def family_of(source: IOSpec) -> Family:
-    """Read it in the name of a core's environment; of one body, and of names that are none, all factors are 1.
+def family_of(source: IOSpec, target: IOSpec) -> Family:
+    """Read it in the name of a core's environment; all factors are 1 of one body, for another robot, and if it is none.
 
     What is longer is heavier, too.
     """
+    if source.model_names != target.model_names:
+        return Family()
     try:
         variation = Variation.read(EnvId.read(source.env_id).variation)
     except TransferkitError:  # a stranger's name

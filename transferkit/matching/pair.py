@@ -49,7 +49,7 @@ def pair(
     keeps = kept(forces, source, target)
     carries = keeps != "acceleration"
     scale = length_scale(source, target, first, limbs=carries)
-    familiar = family_of(source).has(1 / scale, mass(target) / mass(source) if mass(source) else 1.0)
+    familiar = family_of(source, target).has(1 / scale, mass(target) / mass(source) if mass(source) else 1.0)
     scale = 1.0 if familiar else scale
     every = _copied(aligner, _shared(aligner, first)) if limbs == "all" else [first]
     read = _Reader(source, target, aligner.trees, angles)
