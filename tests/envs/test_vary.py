@@ -223,7 +223,7 @@ def test_it_is_written_down():
         (HOPPER, {"drop_observation": ["x"]}, UnknownNameError, "unknown element of the observation 'x'"),
         (HOPPER, {"dead_actuator": [3]}, ConfigError, "dead_actuator=3 must be 0 to 2"),
         (HOPPER, {"control_step": 0.3}, ConfigError, "control_step=0.3 must be a multiple of 0.25, or a range with one"),
-        (HOPPER, {"control_step": (1.1, 1.2)}, ConfigError, "a control step is 4 physics steps"),
+        (HOPPER, {"control_step": (1.1, 1.2)}, ConfigError, "physics steps of a control step: 4"),
         (HOPPER, {"control_step": 0}, ConfigError, "control_step=0 must be a number or a range, low first, 0.001 to 1000"),
         ("CartPole-v1", {"control_step": 2}, ConfigError, "holds no number of physics steps"),
         ("CartPole-v1", {"mass": 1.1}, ConfigError, "is not a MuJoCo environment"),

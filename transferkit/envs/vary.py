@@ -213,7 +213,7 @@ class _Pace:
             raise ConfigError(
                 "variation control_step",
                 value=factor[0] if factor[0] == factor[1] else list(factor),
-                allowed=f"a multiple of {1 / self._own:g}, or a range with one: a control step is {self._own} physics steps",
+                allowed=f"a multiple of {1 / self._own:g}, or a range with one (physics steps of a control step: {self._own})",
                 topic="variations",
             )
 
