@@ -29,6 +29,7 @@ STRIPS = {
             "cartpole-swingup-v2",
             "half-cheetah-v1",
             "hopper-family-v1",
+            "hopper-stand-v1",
             "hopper-v1",
             "inverted-pendulum-family-v1",
             "inverted-pendulum-v2",

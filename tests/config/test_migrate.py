@@ -107,6 +107,7 @@ def test_the_configuration_on_every_released_card_is_read(core):
         "half-cheetah-v1": "default-v4",
         "reacher-v1": "default-v3",
         "hopper-family-v1": "default-v7",
+        "hopper-stand-v1": "default-v7",
         "inverted-pendulum-family-v1": "default-v7",
         "walker-stand-v1": "default-v7",
         "walker-walk-v1": "default-v2",
