@@ -50,6 +50,7 @@ STRIPS = {
     "walker-walk-v1_Walker2d": "Walker2d-v5",
     "hopper-v1_hopper-stand": "dm_control/hopper-stand-v0",
     "walker-stand-v1_hopper-stand": "dm_control/hopper-stand-v0",
+    "hopper-stand-v1_walker-stand": "dm_control/walker-stand-v0",
 }
 """Pictures by name, which begins with the core's; the environment, or None for the core's own."""
 

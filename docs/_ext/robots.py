@@ -71,6 +71,12 @@ PAIRS = (
         "dm_control/hopper-stand-v0",
     ),
     Pair(
+        "One leg, and two",
+        "The other way round it does not cross: what gets up on one leg does not on two, and is below doing nothing.",
+        "hopper-stand-v1",
+        "dm_control/walker-stand-v0",
+    ),
+    Pair(
         "Two cheetahs",
         "All joints have counterparts. The front thigh of the one hardly bends forwards (0.007 rad against 0.7), its floor is "
         "less slippery: the core, which knows one body, stumbles.",
