@@ -37,6 +37,9 @@ NAMES = (*FACTORS, *WHOLE, "noise")
 Amount = tuple[float, float]
 """The ends of a range; of one value both are it."""
 
+ONE: Amount = (1.0, 1.0)
+"""The factor that changes nothing."""
+
 Place = str | int
 """An element by its name or its index."""
 
@@ -47,7 +50,7 @@ class Variation:
 
     factors: Mapping[str, Mapping[str, Amount]] = field(default_factory=dict)
     """By property and part; the part `` stands for all of them."""
-    control_step: Amount = (1.0, 1.0)
+    control_step: Amount = ONE
     """Factor of a control step's length; whole physics steps are what is drawn."""
     delay: Amount = (0, 0)
     """Control steps by which actions come late."""
@@ -122,7 +125,7 @@ class Variation:
         }
         lists = {name: list(getattr(self, name)) for name in ("permute_observation", "drop_observation", "dead_actuator")}
         whole = {
-            "control_step": 0 if self.control_step == (1.0, 1.0) else _plain(self.control_step),
+            "control_step": 0 if self.control_step == ONE else _plain(self.control_step),
             "delay": _plain((int(self.delay[0]), int(self.delay[1]))),
             "frames": self.frames if self.frames > 1 else 0,
         }

@@ -24,7 +24,7 @@ from transferkit.envs.simulation import open_simulation
 from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
 from transferkit.physics import mujoco
 from transferkit.spec import DRIVE
-from transferkit.variation import Variation, draw
+from transferkit.variation import ONE, Variation, draw
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
@@ -57,7 +57,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         """Whether what is a range stays in its middle, while the robot is looked at."""
         changes_model = bool(self.variation.factors or self.variation.dead_actuator)
         self._model = _Model(env, again) if changes_model else None
-        self._pace = _Pace(env, self.variation.control_step) if "control_step" in self.variation.written() else None
+        self._pace = _Pace(env, self.variation.control_step) if self.variation.control_step != ONE else None
         spec = _spec(env) if self._by_name else None
         self._names = [] if spec is None else [element.name for element in spec.observation]
         drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
@@ -200,14 +200,14 @@ class _Pace:
 
     def __init__(self, env: gymnasium.Env, factor: tuple[float, float]) -> None:
         simulation = open_simulation(env)
-        self._counters = [] if simulation is None else simulation.counters
-        held = [getattr(keeper, name) for keeper, name in self._counters]
-        if len(held) != 1:
+        counters = [] if simulation is None else simulation.counters
+        if len(counters) != 1:
             raise ConfigError(
                 f"control_step of {env} cannot be varied: it holds no number of physics steps (`frame_skip`)",
                 topic="variations",
             )
-        self._own = held[0]
+        self._keeper, self._name = counters[0]
+        self._own = getattr(self._keeper, self._name)
         self._least, self._most = math.ceil(factor[0] * self._own - ROUNDING), math.floor(factor[1] * self._own + ROUNDING)
         if not 1 <= self._least <= self._most:
             raise ConfigError(
@@ -228,8 +228,7 @@ class _Pace:
         self._hold(self._own)
 
     def _hold(self, steps: int) -> None:
-        for keeper, name in self._counters:
-            setattr(keeper, name, steps)
+        setattr(self._keeper, self._name, steps)
 
 
 @contextmanager

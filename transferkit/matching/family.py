@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from transferkit.env_id import EnvId
 from transferkit.errors import TransferkitError
-from transferkit.variation import Variation
+from transferkit.variation import ONE, Variation
 
 if TYPE_CHECKING:
     from transferkit.spec import IOSpec
     from transferkit.variation import Amount
 
-ONE = (1.0, 1.0)
 ROUNDING = 1e-3
 """Relative: masses and lengths are measured."""
 
