@@ -103,6 +103,20 @@ class Variation:
             _places("dead_actuator", single.get("dead_actuator", ())),
         )
 
+    def with_more(self, changes: Mapping[str, Any]) -> Variation:
+        """The same with more changes, as `read` takes them, each in place of one of the same name and part.
+
+        Raises:
+            UnknownNameError: nothing of this name can be varied.
+            ConfigError: a value that it cannot have.
+        """
+        more = Variation.read(changes)
+        factors = {
+            name: {**self.factors.get(name, {}), **more.factors.get(name, {})} for name in {**self.factors, **more.factors}
+        }
+        given = {name: getattr(more, name) for name in WHOLE if name in changes}
+        return replace(self, factors=factors, noise={**self.noise, **more.noise}, **given)
+
     def with_actuators(self, names: Mapping[str, str]) -> Variation:
         """The same changes, with actuators called as this table says."""
         tables = {name: dict(table) for name, table in self.factors.items()}

@@ -105,6 +105,30 @@ def test_more_changes_come_on_top():
     assert recorded(twice) == "Hopper-v5?vary.mass=2.0&vary.gear=0.5"
 
 
+@pytest.mark.parametrize("form", [str, vary])
+@pytest.mark.parametrize(
+    ("changes", "neutral"),
+    [
+        ({"delay": 2}, {"delay": 0}),
+        ({"frames": 2}, {"frames": 1}),
+        ({"control_step": 2}, {"control_step": 1}),
+        ({"drop_observation": [1]}, {"drop_observation": []}),
+        ({"permute_observation": [1, 3]}, {"permute_observation": ()}),
+        ({"dead_actuator": [0]}, {"dead_actuator": []}),
+    ],
+)
+def test_a_change_is_taken_back_by_the_value_that_changes_nothing(form, changes, neutral):
+    changed = vary(HOPPER, **changes)
+    back = vary(recorded(changed) if form is str else changed, **neutral)
+    np.testing.assert_array_equal(played(back), played(vary(HOPPER)))
+    assert recorded(back) == HOPPER
+
+
+def test_a_part_in_a_table_is_changed_again():
+    again = vary('Hopper-v5?vary.mass={"torso":2,"foot":3}', mass={"torso": 4})
+    assert recorded(again) == "Hopper-v5?vary.mass.torso=4.0&vary.mass.foot=3.0"
+
+
 def test_a_range_is_drawn_from_the_seed_of_each_episode():
     env, other = (vary(HOPPER, mass=(0.7, 1.3), friction=(0.5, 1.5), delay=(0, 3), noise=0.01) for _ in range(2))
     first = played(env, 3)

@@ -110,20 +110,19 @@ def vary(env: EnvLike, **changes: Any) -> gymnasium.Env:  # noqa: ANN401 - numbe
         UnknownNameError: nothing of this name can be varied, or the model has no such part.
         ConfigError: a value that it cannot have, or a change that cannot be made on this model.
     """
-    variation = Variation.read(changes).written()
     if isinstance(env, str):
         given = EnvId.read(env)
-        return raw_env(str(replace(given, variation={**given.variation, **variation})))
+        return raw_env(str(replace(given, variation=Variation.read(given.variation).with_more(changes).written())))
     raw = raw_env(env)
     if isinstance(raw, Contract):
-        return Contract(_varied(env, raw.env, variation), clip=raw.clip, max_episode_steps=raw.max_episode_steps)
-    return _varied(env, raw, variation)
+        return Contract(_varied(env, raw.env, changes), clip=raw.clip, max_episode_steps=raw.max_episode_steps)
+    return _varied(env, raw, changes)
 
 
-def _varied(env: EnvLike, raw: gymnasium.Env, variation: dict[str, Any]) -> Varied:
+def _varied(env: EnvLike, raw: gymnasium.Env, changes: dict[str, Any]) -> Varied:
     if isinstance(raw, Varied):
-        return raw.with_more(variation)
-    return Varied(raw, variation, (lambda: raw_env(env)) if is_maker(env) else None)
+        return raw.with_more(changes)
+    return Varied(raw, Variation.read(changes).written(), (lambda: raw_env(env)) if is_maker(env) else None)
 
 
 def copies_of(env: EnvLike) -> str | Callable[[], gymnasium.Env]:

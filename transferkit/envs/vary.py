@@ -105,7 +105,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         for changed in (self._model, self._pace):
             if changed is not None:
                 changed.restore()
-        return Varied(self.env, {**self.variation.written(), **variation}, self._again)
+        return Varied(self.env, self.variation.with_more(variation).written(), self._again)
 
     @property
     def _by_name(self) -> bool:
