@@ -278,11 +278,12 @@ class Job:
         if zero is not None and latest < zero:
             worse, remedy = f"doing nothing ({zero:.4g})", "a larger budget or another preset"
         elif session.is_behind:
-            worse = f"the untrained core ({self._to_beat:.4g}){', which the run keeps' if session.plays_core else ''}"
-            remedy = "a larger budget"
+            worse, remedy = f"the untrained core ({self._to_beat:.4g})", "a larger budget"
         else:
             return
-        if session.keeps_peak and not session.plays_core:
+        if session.plays_core:
+            worse += "; the run keeps the untrained core"
+        elif session.keeps_peak:
             worse += f"; the run keeps the policy of its best ones ({session.peak:.4g})"
         LOGGER.warning("the last training episodes (mean return %.4g) are worse than %s: try %s", latest, worse, remedy)
 

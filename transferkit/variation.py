@@ -40,6 +40,8 @@ Amount = tuple[float, float]
 ONE: Amount = (1.0, 1.0)
 """The factor that changes nothing."""
 
+NOTHING: Amount = (0.0, 0.0)
+
 Place = str | int
 """An element by its name or its index."""
 
@@ -86,7 +88,7 @@ class Variation:
             table.update(values)
         single = {name: tables.pop(name)[""] for name in WHOLE if tables.get(name, {}).keys() == {""}}
         for name in (*WHOLE, "gravity"):
-            if set(tables.get(name, ())) - ({""} if name == "gravity" else set()):
+            if tables.get(name, {}).keys() - {""}:
                 raise ConfigError(f"{name} is one for the whole environment", remedy=f"give {name}=VALUE", topic="variations")
         return cls(
             {
@@ -95,7 +97,7 @@ class Variation:
                 if name in FACTORS
             },
             _amount("control_step", single.get("control_step", 1.0), *STEP_FACTORS),
-            _whole("delay", single.get("delay", 0), 0, MOST_DELAY),
+            _whole("delay", single.get("delay", 0), 0, MOST_DELAY, of="control steps"),
             {part: _amount("noise", value, 0.0, LARGEST) for part, value in tables.get("noise", {}).items()},
             _places("permute_observation", single.get("permute_observation", ())),
             _places("drop_observation", single.get("drop_observation", ())),
@@ -135,6 +137,7 @@ class Variation:
         flat = {
             f"{name}.{part}" if part else name: _plain(amount)
             for name, table in tables.items()
+            if table != {"": NOTHING if name == "noise" else ONE}
             for part, amount in table.items()
         }
         lists = {name: list(getattr(self, name)) for name in ("permute_observation", "drop_observation", "dead_actuator")}
@@ -183,10 +186,10 @@ def _amount(name: str, value: Any, least: float, most: float) -> Amount:  # noqa
     return float(ends[0]), float(ends[1])
 
 
-def _whole(name: str, value: Any, least: float, most: float) -> Amount:  # noqa: ANN401 - JSON
+def _whole(name: str, value: Any, least: float, most: float, *, of: str = "") -> Amount:  # noqa: ANN401 - JSON
     amount = _amount(name, value, least, most)
     if any(end != int(end) for end in amount):
-        raise ConfigError(f"variation {name}", value=value, allowed="whole control steps", topic="variations")
+        raise ConfigError(f"variation {name}", value=value, allowed=f"whole {of or 'numbers'}", topic="variations")
     return amount
 
 

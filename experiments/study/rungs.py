@@ -30,8 +30,8 @@ HEADER = (
 )
 
 
-def rungs(study: Study, trainers: Sequence[str] = (), thresholds: Mapping[str, float] | None = None) -> list[list[str]]:
-    """Every comparison with a core, rung by rung; of these trainers, or of all.
+def rungs(study: Study, thresholds: Mapping[str, float] | None = None) -> list[list[str]]:
+    """Every comparison with a core, rung by rung.
 
     Differences are core minus scratch; that of areas has the interval that decides, for four comparisons. The *learner* is
     the mean return of the last 50 training episodes, with noise, also of runs for which the untrained core stands in:
@@ -40,7 +40,7 @@ def rungs(study: Study, trainers: Sequence[str] = (), thresholds: Mapping[str, f
     `thresholds` has those that were stated for targets before the runs. Another target's is halfway from scratch, its mean
     start or end, whichever is higher, to the core's mean end above it.
     """
-    groups = [group for group in study.groups if group.core and (not trainers or group.trainer in trainers)]
+    groups = [group for group in study.groups if group.core]
     groups.sort(key=lambda group: (ORDER.index(group.rung), group.target, group.trainer))
     stated = thresholds or {}
     grid = (study.folder / "grid.toml").read_text() if stated else ""

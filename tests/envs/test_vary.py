@@ -115,6 +115,8 @@ def test_more_changes_come_on_top():
         ({"drop_observation": [1]}, {"drop_observation": []}),
         ({"permute_observation": [1, 3]}, {"permute_observation": ()}),
         ({"dead_actuator": [0]}, {"dead_actuator": []}),
+        ({"mass": 1.4, "gravity": 0.8}, {"mass": 1, "gravity": 1}),
+        ({"noise": 0.1}, {"noise": 0}),
     ],
 )
 def test_a_change_is_taken_back_by_the_value_that_changes_nothing(form, changes, neutral):
@@ -122,6 +124,20 @@ def test_a_change_is_taken_back_by_the_value_that_changes_nothing(form, changes,
     back = vary(recorded(changed) if form is str else changed, **neutral)
     np.testing.assert_array_equal(played(back), played(vary(HOPPER)))
     assert recorded(back) == HOPPER
+
+
+def test_a_change_that_is_refused_leaves_the_others():
+    env = vary(HOPPER, mass=1.4, control_step=2)
+    first = played(env)
+    with pytest.raises(UnknownNameError):
+        vary(env, masss=2)
+    np.testing.assert_array_equal(played(env), first)
+    assert env.unwrapped.frame_skip == 8
+
+
+def test_a_part_that_is_as_it_was_stands_over_all():
+    given = {"mass": 1.4, "mass.torso": 1.0}
+    assert Variation.read(given).written() == given
 
 
 def test_a_part_in_a_table_is_changed_again():
@@ -244,6 +260,7 @@ def test_it_is_written_down():
         (HOPPER, {"permute_observation": [1, 2, 1]}, ConfigError, "permute_observation=.1, 2, 1. must be"),
         (HOPPER, {"frames": 0}, ConfigError, "frames=0 must be a number or a range, low first, 1 to 100"),
         (HOPPER, {"frames": (1, 2)}, ConfigError, "must be one number and no range"),
+        (HOPPER, {"frames": 2.5}, ConfigError, "frames=2.5 must be whole numbers"),
         (HOPPER, {"drop_observation": ["x"]}, UnknownNameError, "unknown element of the observation 'x'"),
         (HOPPER, {"dead_actuator": [3]}, ConfigError, "dead_actuator=3 must be 0 to 2"),
         (HOPPER, {"control_step": 0.3}, ConfigError, "control_step=0.3 must be a multiple of 0.25, or a range with one"),

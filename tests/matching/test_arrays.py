@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.spaces import Box
-from gymnasium.wrappers import TransformObservation
+from gymnasium.wrappers import FlattenObservation, FrameStackObservation, TransformObservation
 
-from tests.envs.own import STACKS, pendulum
+from tests.envs.own import STACKS, PreviousAction, pendulum
 from transferkit import derive_spec, load_core, vary, wrap
 from transferkit.errors import ConfigError
 from transferkit.matching import angle_pairs, compiled, pair
@@ -90,6 +90,18 @@ def test_a_past_action_is_what_the_core_would_have_done():
     assert inputs(derive_spec(made), derive_spec(ONE))["drive.slide_x.action"] == (0.0, {})
     other = with_bounds(derive_spec(made), 0.0, 6.0)  # whose force is the same number
     assert inputs(derive_spec(made), other)["drive.slide_x.action"] == (0.0, {"drive.slide_x.action": 1.0})
+
+
+def test_a_past_action_is_as_old_in_time():
+    """In steps of half the time what was done one step ago was done two steps ago."""
+
+    def acted(frame_skip, frames):
+        return FlattenObservation(FrameStackObservation(PreviousAction(gymnasium.make(ONE, frame_skip=frame_skip)), frames))
+
+    source, target = derive_spec(lambda: acted(4, 2)), derive_spec(lambda: acted(2, 3))
+    found = inputs(source, target)
+    assert found["drive.slide_x.action[t-1]"] == (0.0, {"drive.slide_x.action[t-2]": 1.0})
+    assert found["drive.slide_x.action"] == (0.0, {"drive.slide_x.action": 1.0})
 
 
 def test_a_core_that_holds_its_actions_holds_them_as_long_elsewhere():

@@ -102,10 +102,11 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
 
     def with_more(self, variation: dict[str, Any]) -> Varied:
         """The same environment with more changes, in place of those of the same name."""
-        for changed in (self._model, self._pace):
-            if changed is not None:
-                changed.restore()
-        return Varied(self.env, self.variation.with_more(variation).written(), self._again)
+        changed = self.variation.with_more(variation).written()
+        for part in (self._model, self._pace):
+            if part is not None:
+                part.restore()
+        return Varied(self.env, changed, self._again)
 
     @property
     def _by_name(self) -> bool:
@@ -178,6 +179,7 @@ class _Model:
         for name, changed in self.changed.items():
             attrgetter(name)(self._live)[changed] = attrgetter(name)(self._base)[changed]
         self.changed = {}
+        self._live.stat.meaninertia = self._base.stat.meaninertia
 
     def change(self, factors: dict[str, dict[str, float]], dead: Any) -> None:  # noqa: ANN401
         """Give the environment's model the numbers of a changed one."""
@@ -191,8 +193,7 @@ class _Model:
                     f"{name} of the model is changed after it is loaded, so it cannot be varied", topic="variations"
                 )
             live[different] = new[different]
-        if model.stat.meaninertia != self._base.stat.meaninertia:
-            self._live.stat.meaninertia = model.stat.meaninertia
+        self._live.stat.meaninertia = model.stat.meaninertia
 
 
 class _Pace:

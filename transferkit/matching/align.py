@@ -241,10 +241,11 @@ def _features(spec: IOSpec, tree: Tree, *, metric: bool) -> dict[str, Feature]:
     lengths = _shares({joint.name: joint.length for joint in spec.joints})
     masses, strengths = _shares({joint.name: joint.mass for joint in spec.joints}), _shares(torques)
     sides, joints = _sides(spec.joints, _roots(spec.joints), torques), balanced(spec.joints)
-    return {
-        name: Feature(joint, lengths[name], masses[name], strengths[name], places[name], sides[name], k / len(spec.joints))
-        for k, (name, joint) in enumerate((joint.name, joint) for joint in joints)
-    }
+    found = {}
+    for k, joint in enumerate(joints):
+        name, order = joint.name, k / len(spec.joints)
+        found[name] = Feature(joint, lengths[name], masses[name], strengths[name], places[name], sides[name], order)
+    return found
 
 
 def _shares(values: Mapping[str, float]) -> dict[str, float]:

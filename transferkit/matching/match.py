@@ -323,10 +323,12 @@ class _Rows:
             return None
         actuator, added = self._source.action[j], action_bias(factors, self._source, self._target)
         weight, bias = np.zeros(self._target.obs_dim), actuator.centre - actuator.half_range * float(shares @ added)
-        done = {(e.name_now, e.age): k for k, e in enumerate(self._target.observation) if e.quantity == "action"}
+        done: dict[tuple[str, float], int] = {
+            (e.name_now, e.age): k for k, e in enumerate(self._target.observation) if e.quantity == "action"
+        }
         for k in np.flatnonzero(shares):
             other = self._target.action[k]
-            place = done.get((other.acted, element.age))
+            place = done.get((other.acted, self._age(element)))
             if place is None:
                 return None
             weight[place] = shares[k] * actuator.half_range / other.half_range

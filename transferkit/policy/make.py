@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import torch
-
 from transferkit.config import NetworkConfig, WrapConfig, preset_of
 from transferkit.config.checks import check_kind
 from transferkit.config.wrap import check_asked, check_found
@@ -114,14 +112,10 @@ def scratch_policy(env: EnvLike, network: NetworkConfig | None = None, *, seed: 
     network = NetworkConfig() if network is None else network
     check_kind("network", network, NetworkConfig, "make one, such as NetworkConfig(hidden=(64, 64))")
     obs_dim, act_dim = dims_of(env)
-    return _scratch(obs_dim, act_dim, network, Streams(seed).torch("policy initialisation"))
-
-
-def _scratch(obs_dim: int, act_dim: int, config: NetworkConfig, generator: torch.Generator) -> ScratchPolicy:
-    architecture = Architecture(
-        obs_dim, act_dim, config.hidden, config.activation, config.std, config.initialization, config.squash
-    )
-    return ScratchPolicy.create(architecture, generator, init_std=config.init_std, normalize=config.normalize_observation)
+    kinds = network.activation, network.std, network.initialization, network.squash
+    architecture = Architecture(obs_dim, act_dim, network.hidden, *kinds)
+    generator = Streams(seed).torch("policy initialisation")
+    return ScratchPolicy.create(architecture, generator, init_std=network.init_std, normalize=network.normalize_observation)
 
 
 def _copies_actions(match: Match) -> bool:
