@@ -1,4 +1,4 @@
-"""Diagnoses of the model, on the newest transitions, which it has not been fitted to yet."""
+"""Diagnoses of the model, on the newest transitions."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ def diagnose(model: Dynamics, buffer: ReplayBuffer, steps: int) -> ModelRow:
     `error_k` is the root mean square error of the observation after k steps, in units of the observation's standard
     deviation over the buffer; NaN if no k consecutive transitions lie within an episode. `reward_error` is a mean absolute
     one in units of the reward's deviation. `terminations_found` is the share of real terminations that were predicted, NaN
-    if there were none. With `model.every` below `EVERY` the model has seen a part of them.
+    if there were none. The model has seen what came before its last fit: with actions that are held for several steps that is
+    most, and with `model.every` below `EVERY` a part. A step of an error is a transition, of a held action.
     """
     recent, everything = buffer.recent(EVERY), buffer.all()
     scale = everything.observation.std(0).clamp(min=1e-6)
