@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -12,8 +13,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from transferkit.budget import Budget
 from transferkit.config import TrainConfig, check_read, preset_family, with_settings
 from transferkit.config.checks import check_kind
-from transferkit.envs import copies_of, recorded, rules_of
+from transferkit.envs import copies_of, derive_spec, recorded, rules_of
+from transferkit.errors import ConfigError
 from transferkit.job import Job, match_of
+from transferkit.matching import match_for
 from transferkit.nn import one_thread
 from transferkit.policy.base import Policy
 from transferkit.policy.make import new_policy
@@ -23,6 +26,7 @@ from transferkit.zoo.artifact import load_core
 if TYPE_CHECKING:
     from transferkit.config import Algorithm
     from transferkit.envs import EnvLike
+    from transferkit.matching import Match
     from transferkit.policy.core import Core
     from transferkit.run import Report, Result
 
@@ -62,7 +66,10 @@ def run_training(
     with one_thread():  # the fastest for small networks, and the only number that always gives the same bits
         core = None if config.core is None else load_core(config.core, env=config.env)
         out = default_directory(config) if out is None else Path(out)
-        policy = policy or new_policy(config, core, match_of(out) if resume else None)
+        began = match_of(out) if resume else None
+        if core is not None and began is not None:
+            _check_unedited(config, core, began)
+        policy = policy or new_policy(config, core, began)
         job = Job(config, policy, config.env, out, core, record_every, resume)
         return _run(job, report)
 
@@ -128,6 +135,19 @@ def train(
     with one_thread():
         out = default_directory(config) if out is None else Path(out)
         return _told(_run(Job(config, policy, copies_of(env), out, core, resume=resume), report), out)
+
+
+def _check_unedited(config: TrainConfig, core: Core, began: Match) -> None:
+    """Refuse a file that is no more the match with which a run began; without the file its record has it."""
+    if config.match is None or not os.path.exists(config.match):
+        return
+    now = match_for(config.wrap, core.spec, derive_spec(config.env), config.match)
+    if now is None or now.pairing != began.pairing:
+        raise ConfigError(
+            f"the match {config.match} was edited since the run began",
+            remedy="restore it, or give another {out}",
+            topic="matches",
+        )
 
 
 def default_directory(config: TrainConfig) -> Path:

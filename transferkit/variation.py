@@ -80,7 +80,9 @@ class Variation:
             what, _, part = name.partition(".")
             if what not in NAMES:
                 raise UnknownNameError("variation", what, NAMES, topic="variations")
-            values = value if isinstance(value, Mapping) else {part: value}
+            values = {str(key): inner for key, inner in value.items()} if isinstance(value, Mapping) else {part: value}
+            if not values:
+                raise ConfigError(f"variation {what}", value=value, allowed="a value, or a table with one", topic="variations")
             table = tables.setdefault(what, {})
             for part in table.keys() & values.keys():
                 named = f"{what}.{part}" if part else what
@@ -116,14 +118,17 @@ class Variation:
         factors = {
             name: {**self.factors.get(name, {}), **more.factors.get(name, {})} for name in {**self.factors, **more.factors}
         }
-        given = {name: getattr(more, name) for name in WHOLE if name in changes}
+        given = {name: getattr(more, name) for name in {name.partition(".")[0] for name in changes} & set(WHOLE)}
         return replace(self, factors=factors, noise={**self.noise, **more.noise}, **given)
 
     def with_actuators(self, names: Mapping[str, str]) -> Variation:
         """The same changes, with actuators called as this table says."""
-        tables = {name: dict(table) for name, table in self.factors.items()}
-        if "gear" in tables:
-            tables["gear"] = {names.get(part, part): amount for part, amount in tables["gear"].items()}
+        tables, gears = dict(self.factors), dict[str, Amount]()
+        for part, amount in tables.get("gear", {}).items():
+            if (name := names.get(part, part)) in gears:
+                raise ConfigError(f"gear has {name} under two names", remedy="leave one out", topic="variations")
+            gears[name] = amount
+        tables |= {"gear": gears} if gears else {}
         return replace(self, factors=tables, dead_actuator=[names.get(str(place), place) for place in self.dead_actuator])
 
     @property

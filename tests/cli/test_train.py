@@ -104,6 +104,20 @@ def written(run):
     return checkpoint.stat().st_mtime_ns if checkpoint.exists() else None
 
 
+def test_a_match_that_was_edited_since_is_no_match_to_go_on_with(capsys, tmp_path):
+    core, twin, file = "inverted-pendulum-v1", "dm_control/cartpole-balance-v0", tmp_path / "match.yaml"
+    run(capsys, "match", core, twin, "--yaml", str(file))
+    command = ["train", "--core", core, "--env", twin, "--match", str(file), *FAST, "--out", str(tmp_path / "run")]
+    first = run_json(capsys, *command, "--steps", "100")
+    text = file.read_text()
+    file.write_text(text.replace("drive.slide_x: {drive.slide_x: ", "drive.slide_x: {drive.slide_x: -"))
+    code, _, err = run(capsys, *command, "--steps", "100", "--resume")
+    assert code == 2
+    assert f"the match {file} was edited since the run began; restore it, or give another --out" in err
+    file.write_text(f"# again\n{text}")
+    assert run_json(capsys, *command, "--steps", "100", "--resume") == first
+
+
 def test_more_budget_later_and_a_finished_run_as_a_core(capsys, tmp_path):
     out = str(tmp_path / "first")
     command = ["train", "--env", "InvertedPendulum-v5", *FAST]

@@ -14,5 +14,7 @@ def test_zoo(capsys):
     assert "Robot: 2 slides and 4 hinges, 3 actuators, 15.8 kg." in card
     untrained = {one["target"]: one for one in run_json(capsys, "zoo", "show", "hopper-v1")["untrained"]}
     assert len(untrained["Walker2d-v5"]["members"]) == 3
+    without = run(capsys, "zoo", "verify", "hopper-v1", "--env", "Hopper-v5")[2]
+    assert "--env Hopper-v5 has no effect without --rollout; add it, or leave --env out" in without
     assert run_json(capsys, "zoo", "verify", "--all")[0]["probe"] < 1e-5
     assert "inverted-pendulum-v1" in run(capsys, "zoo", "list")[1]

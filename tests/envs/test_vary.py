@@ -7,13 +7,15 @@ import gymnasium
 import mujoco
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
+from gymnasium.wrappers import TransformObservation
 
 from envs_dmc.suite import suite
 from tests.envs.own import MODELS, Plain, PreviousAction
 from transferkit import derive_spec, make_env, match, vary
 from transferkit.envs import VectorEnv, recorded
 from transferkit.envs.model_edits import edited
-from transferkit.errors import ConfigError, UnknownNameError
+from transferkit.errors import ConfigError, EnvironmentContractError, UnknownNameError
 from transferkit.variation import Variation
 
 HOPPER = "Hopper-v5"
@@ -133,6 +135,23 @@ def test_a_change_that_is_refused_leaves_the_others():
         vary(env, masss=2)
     np.testing.assert_array_equal(played(env), first)
     assert env.unwrapped.frame_skip == 8
+
+
+def test_a_refused_change_leaves_the_environment():
+    env = gymnasium.make(HOPPER)
+    with pytest.raises(UnknownNameError, match="unknown element of the observation 'typo'"):
+        vary(env, mass=2, noise={"typo": 0.1})
+    np.testing.assert_array_equal(played(vary(env, mass=2)), played(vary(HOPPER, mass=2)))
+    with pytest.raises(ConfigError, match="if `vary` changed it, vary what that returned"):
+        vary(env, mass=3)
+
+
+def test_an_observation_of_another_shape_is_not_cut():
+    def longer():
+        return TransformObservation(gymnasium.make(HOPPER), lambda row: np.append(row, 7.0), Box(-np.inf, np.inf, (11,)))
+
+    with pytest.raises(EnvironmentContractError, match=r"returned an observation of shape \(12,\), not \(11,\)"):
+        vary(longer, delay=1).reset()
 
 
 def test_a_part_that_is_as_it_was_stands_over_all():
@@ -268,6 +287,14 @@ def test_it_is_written_down():
         (HOPPER, {"control_step": 0}, ConfigError, "control_step=0 must be a number or a range, low first, 0.001 to 1000"),
         ("CartPole-v1", {"control_step": 2}, ConfigError, "holds no number of physics steps"),
         ("CartPole-v1", {"mass": 1.1}, ConfigError, "is not a MuJoCo environment"),
+        ("CartPole-v1", {"delay": 1}, EnvironmentContractError, r"action space of CartPole-v1=Discrete\(2\) must be a flat"),
+        ("FrozenLake-v1", {"frames": 2}, EnvironmentContractError, "must be a flat and bounded Box"),
+        (HOPPER, {"gear": {0: 0.5}}, UnknownNameError, "unknown actuator '0'; known are actuator0, thigh_joint"),
+        (HOPPER, {"noise": {0: 0.5}}, UnknownNameError, "unknown element of the observation '0'"),
+        (HOPPER, {"mass": {None: 2}}, UnknownNameError, "unknown body 'None'"),
+        (HOPPER, {"mass": {}}, ConfigError, "mass={} must be a value, or a table with one"),
+        (HOPPER, {"gear": {"actuator0": 3, "drive.hinge_y2": 0.5}}, ConfigError, "gear has actuator0 under two names"),
+        (HOPPER, {"gear": {"actuator0": 3, "thigh_joint": 0.5}}, ConfigError, "gear has actuator0 and thigh_joint, which"),
         ("dm_control/dog-run-v0", {"length": 1.1}, ConfigError, "its inertia is given in numbers"),
     ],
 )  # fmt: skip

@@ -75,6 +75,12 @@ def test_inputs_may_be_read_from_elements_whatever_the_joints_say(untrained_core
         ("copies:", "copies: [", "the match .* is none: not YAML"),
         ("actions:", "inputs: {hinge_y.position: {}}\n  actions:", "core input hinge_y.position reads nothing in the match"),
         ("-1.0", "0.0", "joint hinge_y reads nothing in the match; leave it out"),
+        (
+            "copies:",
+            "copies:\n- actions: {drive.slide_x: {drive.slide_x: 3}}",
+            "copy 1 of the match reads nothing; leave",
+        ),
+        ("copies:", "copies:\n- joints: {hinge_y: {hinge_y: 1.0}}", "copy 1 of the match drives nothing; leave it out"),
     ],
 )
 def test_a_slip_in_a_file_is_one_line(tmp_path, untrained_core, old, new, message):
@@ -83,6 +89,12 @@ def test_a_slip_in_a_file_is_one_line(tmp_path, untrained_core, old, new, messag
     with pytest.raises(TransferkitError, match=message) as error:
         wrap(untrained_core, TWO, match=tmp_path / "m.yaml")
     assert "\n" not in str(error.value)
+
+
+def test_joints_that_a_model_calls_the_same_are_told_apart(untrained_core):
+    copy = Copy({"hinge_y": {"hinge_y": 1.0, "slide_z": 4.0}}, {"drive.hinge_y2": {"drive.slide_x": 1.0}})
+    text = wrap(untrained_core, "Humanoid-v5", match=Pairing(ONE, "Humanoid-v5", (copy,))).describe()
+    assert "  joint hinge_y (hinge) = +1 root hinge_y +4 root slide_z" in text
 
 
 @pytest.mark.parametrize("option", [{"adapter": "random"}, {"adapter": "pad"}, {"preset": "paper"}])

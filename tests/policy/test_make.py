@@ -253,3 +253,12 @@ def test_a_policy_is_of_the_robot_that_it_was_wrapped_onto():
 def test_it_is_said_if_nothing_of_a_core_means_anything(caplog):
     wrap(load_core("hopper-v1"), "Reacher-v5")
     assert caplog.messages == ["nothing of hopper-v1 means anything on Reacher-v5: its adapters are random"]
+
+
+def test_observations_of_any_numbers_are_taken_and_others_are_one_line():
+    policy = scratch_policy("InvertedPendulum-v5")
+    rows = np.ones((2, 4))
+    np.testing.assert_array_equal(policy.act(rows), policy.act(rows.astype(np.float32)))
+    for wrong in (rows[:, :3], rows[0], rows * 1j, "four"):
+        with pytest.raises(DimensionError, match=r"must be of shape \(B, 4\) and of real numbers"):
+            policy.act(wrong)

@@ -131,10 +131,13 @@ def _verify(options: argparse.Namespace) -> Answer:
     names = list(core_folders()) if options.all else options.ids
     if not names:
         raise ConfigError("no core to verify", remedy="name one, or use {all=True}", topic="cores")
+    env = environment(options)
+    if env is not None and not options.rollout:
+        raise ConfigError(f"{{env={env}}} has no effect without {{rollout=True}}", remedy="add it, or leave {env} out")
     reports, lines, damaged = [], [], []
     for name in names:
         try:
-            reports.append(verify(name, rollout=options.rollout, env=environment(options)))
+            reports.append(verify(name, rollout=options.rollout, env=env))
         except TransferkitError as error:
             damaged.append(error)
     for report in reports:

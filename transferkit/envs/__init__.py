@@ -1,6 +1,7 @@
 """Environments by id under one contract, their vector form, episodes in them, and the meaning of their numbers."""
 
-from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, failed, solved_return, time_step
+from transferkit.envs.broken import failed
+from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, solved_return, time_step
 from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, rules_of, vary
 from transferkit.envs.mirror import Mirror, find_mirror
 from transferkit.envs.probe import derive_spec

@@ -5,9 +5,7 @@ from __future__ import annotations
 import functools
 import logging
 import math
-import traceback
 from numbers import Integral
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -16,6 +14,7 @@ from gymnasium.spaces import Box
 from gymnasium.wrappers import TimeLimit
 from numpy.typing import NDArray
 
+from transferkit.envs.broken import failed
 from transferkit.envs.layers import bounds, layers_of
 from transferkit.envs.written import name_of
 from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError
@@ -178,18 +177,6 @@ class Contract(gymnasium.Wrapper):
 def _as_float32(observation: Any) -> NDArray[np.float32]:  # noqa: ANN401 - of somebody else's code
     with np.errstate(over="ignore"):  # infinity is said in words
         return np.array(observation, np.float32)
-
-
-def failed(env: str, where: str, error: BaseException) -> EnvironmentContractError:
-    """The one line about an exception in somebody else's code."""
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    try:
-        words = str(error)
-    except Exception:  # of an error of the environment's own
-        words = "no reason that can be written"
-    reason = " ".join(f"{type(error).__name__}: {words}".split())[:300]
-    place = f"{Path(frame.filename).name}, line {frame.lineno}"
-    return EnvironmentContractError(f"environment {env} failed in {where} with {reason} ({place})", topic="own environments")
 
 
 @functools.cache

@@ -1,9 +1,13 @@
-"""The wrappers around an environment, whoever wrote them."""
+"""The wrappers around an environment, whoever wrote them, and the spaces that it shows."""
 
 from __future__ import annotations
 
 import gymnasium
+from gymnasium.spaces import Box, Dict
 from gymnasium.wrappers import ClipAction
+
+from transferkit.envs.broken import failed
+from transferkit.errors import EnvironmentContractError
 
 
 def layers_of(env: gymnasium.Env) -> list[gymnasium.Env]:
@@ -22,3 +26,24 @@ def bounds(env: gymnasium.Env) -> gymnasium.Space:
             return bounds(layer.env)
         layer = layer.env
     return env.action_space
+
+
+def check_spaces(env: gymnasium.Env, name: str) -> None:
+    """Check that an environment's observations and actions are flat, and its actions bounded.
+
+    Raises:
+        EnvironmentContractError: they are not, or it fails to say.
+    """
+    try:
+        spaces = (("action", bounds(env), True), ("observation", env.observation_space, False))
+    except Exception as error:  # of an environment of the user's
+        raise failed(name, "its spaces", error) from error
+    for what, space, bounded in spaces:
+        if not isinstance(space, Box) or len(space.shape) != 1 or not space.shape[0] or (bounded and not space.is_bounded()):
+            raise EnvironmentContractError(
+                f"{what} space of {name}",
+                value=space,
+                allowed=f"a flat{' and bounded' * bounded} Box",
+                remedy="wrap it in gymnasium.wrappers.FlattenObservation" if isinstance(space, Dict) else "",
+                topic="environments",
+            )

@@ -15,13 +15,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box, Dict
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
 from transferkit.config.checks import AT_LEAST_ONE, check_value
 from transferkit.env_id import EnvId
-from transferkit.envs.contract import Contract, dims, failed, time_step
-from transferkit.envs.layers import bounds, layers_of
+from transferkit.envs.broken import failed
+from transferkit.envs.contract import Contract, dims, time_step
+from transferkit.envs.layers import bounds, check_spaces, layers_of
 from transferkit.envs.simulation import model_bytes
 from transferkit.envs.source import is_maker, raw_env
 from transferkit.envs.vary import Varied
@@ -67,19 +68,7 @@ def make_env(
         max_episode_steps = raw.max_episode_steps if max_episode_steps is None else max_episode_steps
         raw, clip_actions = raw.env, clip_actions and raw.clip
     name = name_of(env if isinstance(env, str) else raw)
-    try:
-        spaces = (("action", bounds(raw), True), ("observation", raw.observation_space, False))
-    except Exception as error:  # of an environment of the user's
-        raise failed(name, "its spaces", error) from error
-    for what, space, bounded in spaces:
-        if not isinstance(space, Box) or len(space.shape) != 1 or not space.shape[0] or (bounded and not space.is_bounded()):
-            raise EnvironmentContractError(
-                f"{what} space of {name}",
-                value=space,
-                allowed=f"a flat{' and bounded' * bounded} Box",
-                remedy="wrap it in gymnasium.wrappers.FlattenObservation" if isinstance(space, Dict) else "",
-                topic="environments",
-            )
+    check_spaces(raw, name)
     _check_room(bounds(raw), name)
     if max_episode_steps is not None:
         check_value("max_episode_steps", max_episode_steps, Annotated[int, AT_LEAST_ONE])

@@ -32,6 +32,7 @@ def edited(spec: mujoco.MjSpec, factors: Factors, dead: Sequence[Place]) -> mujo
         ConfigError: the change cannot be made on it.
     """
     copy = spec.copy()
+    _check_once(copy, factors.get("gear", {}))
     for name, table in factors.items():
         for part, factor in table.items():
             EDITS[name](copy, part, factor)
@@ -105,6 +106,15 @@ def _gear(spec: mujoco.MjSpec, part: str, factor: float) -> None:
 def _actuators(spec: mujoco.MjSpec, part: str) -> list[Any]:
     """All actuators, or those of a name or on a joint; one without a name is called by its number, as in `envs show`."""
     return _parts("gear", part, spec.actuators, lambda one: (one.name or f"actuator{one.id}", one.target))
+
+
+def _check_once(spec: mujoco.MjSpec, gears: Mapping[str, float]) -> None:
+    """Refuse factors for an actuator and for the joint that it is on."""
+    named: dict[int, str] = {}
+    for part in filter(None, gears):
+        for actuator in _actuators(spec, part):
+            if (other := named.setdefault(actuator.id, part)) != part:
+                raise ConfigError(f"gear has {other} and {part}, which are one", remedy="leave one out", topic="variations")
 
 
 def _damping(spec: mujoco.MjSpec, part: str, factor: float) -> None:

@@ -18,7 +18,8 @@ import numpy as np
 
 from transferkit.env_id import EnvId
 from transferkit.envs.actuators import read_actuators, unknown_actuators
-from transferkit.envs.contract import dims, episode_limit, failed, time_step
+from transferkit.envs.broken import failed
+from transferkit.envs.contract import dims, episode_limit, time_step
 from transferkit.envs.evidence import Prober
 from transferkit.envs.forms import Forms, height_name
 from transferkit.envs.frozen import ElusiveError, Frozen

@@ -16,7 +16,7 @@ import gymnasium
 
 from transferkit.config.checks import Range, unfit
 from transferkit.env_id import EnvId
-from transferkit.envs.contract import failed
+from transferkit.envs.broken import failed
 from transferkit.envs.vary import Varied
 from transferkit.envs.written import is_written, name_of
 from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError, reason_of

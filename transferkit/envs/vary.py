@@ -18,10 +18,10 @@ from gymnasium.spaces import Box
 from gymnasium.utils import RecordConstructorArgs
 from numpy.typing import NDArray
 
-from transferkit.envs.layers import bounds, layers_of
+from transferkit.envs.layers import bounds, check_spaces, layers_of
 from transferkit.envs.model_edits import compiled, edited
 from transferkit.envs.simulation import open_simulation
-from transferkit.errors import ConfigError, TransferkitError, UnknownNameError
+from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError
 from transferkit.physics import mujoco
 from transferkit.spec import DRIVE
 from transferkit.variation import ONE, Variation, draw
@@ -48,6 +48,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         Raises:
             UnknownNameError: the model or the observation has no such part.
             ConfigError: the change cannot be made on this environment.
+            EnvironmentContractError: its observations or actions are not flat.
         """
         RecordConstructorArgs.__init__(self, variation=variation)
         super().__init__(env)
@@ -58,6 +59,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         changes_model = bool(self.variation.factors or self.variation.dead_actuator)
         self._model = _Model(env, again) if changes_model else None
         self._pace = _Pace(env, self.variation.control_step) if self.variation.control_step != ONE else None
+        check_spaces(env, _name(env))
         spec = _spec(env) if self._by_name else None
         self._names = [] if spec is None else [element.name for element in spec.observation]
         drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
@@ -72,12 +74,14 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         order = np.arange(size)
         order[np.roll(moved, -1).astype(int)] = moved
         self._kept = order[~np.isin(order, dropped)]
+        noise = sorted(self.variation.noise.items(), key=lambda one: one[0] != "")  # for all, then by name
+        self._noisy = [(self._index(name, "noise") if name else slice(None), amount) for name, amount in noise]
         if not len(self._kept):
             raise ConfigError("nothing is left to observe", remedy="drop fewer elements", topic="variations")
         self.observation_space = Box(-np.inf, np.inf, (len(self._kept) * self.variation.frames,), np.float64)
         self._frames: deque[NDArray[np.float64]] = deque(maxlen=self.variation.frames)
         actions = bounds(env)
-        assert isinstance(actions, Box)
+        assert isinstance(actions, Box)  # which was checked
         self._idle = np.clip(np.zeros(actions.shape), actions.low, actions.high)
         self._begin(None)
 
@@ -124,8 +128,8 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         low, high = (int(end) for end in self.variation.delay)
         self._late = deque([self._idle] * int(self._rng.integers(low, high + 1)))
         self._deviation = np.zeros(_size(self.env))
-        for name, amount in sorted(self.variation.noise.items(), key=lambda one: one[0] != ""):  # for all, then by name
-            self._deviation[self._index(name, "noise") if name else slice(None)] = draw(amount, self._rng)
+        for where, amount in self._noisy:
+            self._deviation[where] = draw(amount, self._rng)
         if self._pace is not None:
             self._pace.change(None if self.nominal else self._rng)
 
@@ -133,7 +137,12 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         return np.concatenate(self._frames)
 
     def _measured(self, raw: NDArray[np.floating]) -> NDArray[np.float64]:
-        observation = np.asarray(raw, np.float64)
+        observation, declared = np.asarray(raw, np.float64), self.env.observation_space.shape
+        if observation.shape != declared:
+            raise EnvironmentContractError(
+                f"environment {_name(self.env)} returned an observation of shape {observation.shape}, not {declared}",
+                topic="own environments",
+            )
         if self._deviation.any():
             observation = observation + self._rng.normal(size=observation.shape) * self._deviation
         return observation[self._kept]
@@ -185,14 +194,18 @@ class _Model:
         """Give the environment's model the numbers of a changed one."""
         model = edited(self._spec, factors, dead)
         self.restore()
-        self.changed = _differences(self._base, model)
-        for name, different in self.changed.items():
-            live, base, new = (attrgetter(name)(one) for one in (self._live, self._base, model))
+        changed = _differences(self._base, model)
+        for name, different in changed.items():
+            live, base = (attrgetter(name)(one) for one in (self._live, self._base))
             if not np.array_equal(live[different], base[different]):
                 raise ConfigError(
-                    f"{name} of the model is changed after it is loaded, so it cannot be varied", topic="variations"
+                    f"{name} of the model is changed after it is loaded, so it cannot be varied",
+                    remedy="if `vary` changed it, vary what that returned, or give an id or a function",
+                    topic="variations",
                 )
-            live[different] = new[different]
+        self.changed = changed
+        for name, different in changed.items():
+            attrgetter(name)(self._live)[different] = attrgetter(name)(model)[different]
         self._live.stat.meaninertia = model.stat.meaninertia
 
 
@@ -312,6 +325,12 @@ def _read(loader: str, source: str | bytes = "", assets: dict[str, bytes] | None
     if loader == "from_xml_path":
         return mujoco.MjSpec.from_file(text, assets=files)
     return mujoco.MjSpec.from_string(text, include={k: v for k, v in files.items() if k.endswith(".xml")}, assets=files)
+
+
+def _name(env: gymnasium.Env) -> str:
+    from transferkit.envs.written import name_of  # noqa: PLC0415 - which knows this wrapper
+
+    return name_of(env)
 
 
 def _spec(env: gymnasium.Env) -> IOSpec:

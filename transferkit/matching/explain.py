@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -77,13 +78,18 @@ def _family(source: IOSpec, target: IOSpec) -> list[str]:
 
 
 def _joints(copy: Copy, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str]) -> list[str]:
-    own, others = (spec.model_names for spec in (source, target))
-    lines = []
+    own, others, lines = source.model_names, _called(target), []
     for name, model_name in own.items():
         reads = _terms({others[other]: share for other, share in copy.joints.get(name, {}).items()})
         shift = f" {copy.shift[name]:+.4g}" if copy.shift.get(name) else ""
         lines.append(f"  joint {name} ({model_name}) = {reads + shift if reads else why['joint', name]}")
     return lines
+
+
+def _called(spec: IOSpec) -> dict[str, str]:
+    """What each joint's model calls it, by canonical name, which is added where several are called so."""
+    times = Counter(spec.model_names.values())
+    return {name: called if times[called] == 1 else f"{called} {name}" for name, called in spec.model_names.items()}
 
 
 def _inputs(match: Match, k: int, source: IOSpec, target: IOSpec, why: Mapping[tuple[str, str], str]) -> list[str]:

@@ -44,6 +44,7 @@ def save_match(pairing: Pairing, path: str | Path, left_out: Iterable[Unmatched]
     import yaml  # noqa: PLC0415 - most commands write none
 
     check_kind("pairing", pairing, Pairing, "give what transferkit.match returns")
+    check_kind("path", path, (str, Path), "give a file that ends in .yaml")
     check_new(Path(path), "yaml", ".yaml")
     text = HEAD.format(source=pairing.source, target=pairing.target)
     text += "".join(f"# not matched: {one.kind} {one.name}: {one.why}\n" for one in left_out)
@@ -141,8 +142,12 @@ def check_match(pairing: Pairing, source: IOSpec, target: IOSpec) -> None:
                 remedy=f"use the one of that pair, or write {side}: {spec.env_id} into it",
                 topic="matches",
             )
-    for copy in pairing.copies:
+    for k, copy in enumerate(pairing.copies):
         _check_copy(copy, source, target)
+        reads, drives = copy.joints or copy.inputs, any(any(drives.values()) for drives in copy.actions.values())
+        if len(pairing.copies) > 1 and not (reads and drives):
+            nothing = f"copy {k + 1} of the match {'drives' if reads else 'reads'} nothing"
+            raise ConfigError(nothing, remedy="leave it out", topic="matches")
 
 
 def _check_copy(copy: Copy, source: IOSpec, target: IOSpec) -> None:

@@ -70,7 +70,9 @@ def play_episodes(
     for name, value, hint in (("episodes", episodes, EPISODES), ("seconds", seconds, SECONDS_ALLOWED)):
         check_value(name, value, Annotated[int, hint])
     check_value("seed", seed, Seed)
-    path = None if path is None else Path(path)
+    if path is not None:
+        check_kind("path", path, (str, Path), "give a file that ends in .mp4 or .png")
+        path = Path(path)
     _check_path(path, episodes)
     spec = derive_spec(subject.env)
     seen = inputs_of(subject.policy, spec) if inputs else None

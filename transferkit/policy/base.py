@@ -12,7 +12,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from transferkit.errors import ConfigError, UnknownNameError
+from transferkit.errors import ConfigError, DimensionError, UnknownNameError
 from transferkit.nn import Normalizer, PolicyNet, gaussian
 from transferkit.table import format_table
 
@@ -117,9 +117,16 @@ class Policy(nn.Module):
 
     @torch.no_grad()
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Choose the deterministic action `(B, act_dim)` for observations `(B, obs_dim)`."""
-        device = next(self.parameters()).device
-        return self(torch.from_numpy(observation).to(device))[0].cpu().numpy()
+        """Choose the deterministic action `(B, act_dim)` for observations `(B, obs_dim)`.
+
+        Raises:
+            DimensionError: the observations are no numbers of this shape.
+        """
+        rows, device = np.asarray(observation), next(self.parameters()).device
+        if rows.dtype.kind not in "fiub" or rows.shape[1:] != (self.obs_dim,):
+            allowed = f"of shape (B, {self.obs_dim}) and of real numbers"
+            raise DimensionError(f"observations of shape {rows.shape} and of {rows.dtype} must be {allowed}")
+        return self(torch.from_numpy(rows.astype(np.float32, copy=False)).to(device))[0].cpu().numpy()
 
     def describe(self) -> str:
         """Describe the parts in a table: parameters, learning rate, what is frozen."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import logging
 import os
 from pathlib import Path
@@ -24,8 +25,13 @@ def zoo_folders() -> list[Path]:
     own = [Path(entry) for entry in os.environ.get(ZOO_PATH, "").split(os.pathsep) if entry]
     for folder in own:
         if not os.path.isdir(folder):  # also of a name too long
-            logging.getLogger("transferkit").warning("%s names %s, which is no folder", ZOO_PATH, folder)
+            _say_missing(folder)
     return [*own, Path(core_zoo.__path__[0]), *pulled_folders()]
+
+
+@functools.cache
+def _say_missing(folder: Path) -> None:
+    logging.getLogger("transferkit").warning("%s names %s, which is no folder", ZOO_PATH, folder)
 
 
 def core_folders() -> dict[str, Path]:
