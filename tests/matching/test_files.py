@@ -1,5 +1,7 @@
 """Matches as files: written, edited by hand, handed back; and what strangers may write."""
 
+from dataclasses import replace
+
 import pytest
 
 from transferkit import load_match, match, save_match, wrap
@@ -89,6 +91,23 @@ def test_a_slip_in_a_file_is_one_line(tmp_path, untrained_core, old, new, messag
     with pytest.raises(TransferkitError, match=message) as error:
         wrap(untrained_core, TWO, match=tmp_path / "m.yaml")
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"hold": 1.5}, "Expected `int`, got `float`"),
+        ({"source": None}, "Expected `str`, got `null`"),
+        ({"forces": "x"}, "Invalid enum value 'x'.*; known are acceleration, greater, load"),
+        ({"copies": (Copy({"hinge_y": 1.0}),)}, "Expected `object`, got `float`"),
+    ],
+)
+def test_a_match_made_in_python_is_held_to_the_same(tmp_path, untrained_core, change, message):
+    pairing = replace(match(ONE, TWO), **change)
+    with pytest.raises(ConfigError, match=f"the match is none: {message}"):
+        wrap(untrained_core, TWO, match=pairing)
+    with pytest.raises(ConfigError, match=f"the match is none: {message}"):
+        save_match(pairing, tmp_path / "m.yaml")
 
 
 def test_joints_that_a_model_calls_the_same_are_told_apart(untrained_core):

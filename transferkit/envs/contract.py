@@ -175,6 +175,8 @@ class Contract(gymnasium.Wrapper):
 
 
 def _as_float32(observation: Any) -> NDArray[np.float32]:  # noqa: ANN401 - of somebody else's code
+    if np.iscomplexobj(observation):
+        raise TypeError("an observation of complex numbers")
     with np.errstate(over="ignore"):  # infinity is said in words
         return np.array(observation, np.float32)
 

@@ -15,7 +15,7 @@ from transferkit.files import check_new, new_file
 from transferkit.matching.limits import Limit, Unlike
 from transferkit.matching.unmatched import Unmatched
 from transferkit.pairing import Pairing
-from transferkit.reading import FormatError, parse_yaml, read_bytes
+from transferkit.reading import FormatError, parse_yaml, read_bytes, typed
 
 if TYPE_CHECKING:
     from transferkit.pairing import Combination, Copy
@@ -44,6 +44,7 @@ def save_match(pairing: Pairing, path: str | Path, left_out: Iterable[Unmatched]
     import yaml  # noqa: PLC0415 - most commands write none
 
     check_kind("pairing", pairing, Pairing, "give what transferkit.match returns")
+    check_pairing(pairing)
     check_kind("path", path, (str, Path), "give a file that ends in .yaml")
     check_new(Path(path), "yaml", ".yaml")
     text = HEAD.format(source=pairing.source, target=pairing.target)
@@ -72,6 +73,18 @@ def as_plain(pairing: Pairing) -> dict[str, Any]:
         {name: value for name, value in copy.items() if value or name in ("joints", "actions")} for copy in data["copies"]
     ]
     return data | {"copies": copies}
+
+
+def check_pairing(pairing: Pairing) -> None:
+    """Hold a match that was made in Python to what a file's is held to.
+
+    Raises:
+        ConfigError: something in it has another type.
+    """
+    try:
+        typed(as_plain(pairing), Report)
+    except FormatError as error:
+        raise ConfigError(f"the match is none: {error}", topic="matches") from None
 
 
 def load_match(path: str | Path) -> Pairing:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from transferkit.errors import ConfigError
-from transferkit.matching.files import check_match, in_canonical_names, load_match
+from transferkit.matching.files import check_match, check_pairing, in_canonical_names, load_match
 from transferkit.matching.match import Match, compiled, numbers_of_robots, padded
 from transferkit.matching.pair import pair
 from transferkit.pairing import Pairing
@@ -67,6 +67,8 @@ def match_for(
 def _pairing(config: WrapConfig, source: IOSpec, target: IOSpec, given: str | Path | Pairing | None) -> Pairing:
     if given is None:
         return find_pairing(config, source, target)
+    if isinstance(given, Pairing):
+        check_pairing(given)
     pairing = in_canonical_names(given if isinstance(given, Pairing) else load_match(given), source, target)
     check_match(pairing, source, target)
     return pairing
