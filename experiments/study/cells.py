@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.matrix.table import Row
-from experiments.report.verdict import FEW
+from experiments.report.verdict import FEW, NONE
 from experiments.study.rooms import Study
 from transferkit import stats
 
 if TYPE_CHECKING:
+    from experiments.report.comparisons import Group
     from experiments.report.curves import Array
     from transferkit.stats import Difference
 
@@ -40,6 +41,13 @@ def interval(mean: float, low: float, high: float) -> str:
 def difference(found: Difference | None) -> str:
     """A paired difference; a dash if there is none."""
     return "-" if found is None else interval(found.mean, found.low, found.high)
+
+
+def verdict(group: Group, *, bold: bool = False) -> str:
+    """The verdict on a core, and that on these members where it is another."""
+    kinds = group.verdict.kind, group.verdict_of_members
+    kind, members = (f"**{one}**" if bold and one != NONE else one for one in kinds)
+    return kind if members == kind else f"{kind}; of these members {members}"
 
 
 def by_member(rows: Iterable[Row], values: Mapping[str, float] | None = None) -> Array:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from experiments.matrix.arms import UNTRAINED, ZERO_ACTION
 from experiments.report.tables import arm_rows, mean_interval
-from experiments.report.verdict import NONE, SCRATCH, TRANSFER
+from experiments.report.verdict import SCRATCH, TRANSFER
 from experiments.report.verdict import difference as minus
-from experiments.study.cells import CELLS, by_member, difference, interval, short, whole
+from experiments.study.cells import CELLS, by_member, difference, interval, short, verdict, whole
 from experiments.study.rooms import StudyError
 from experiments.study.rungs import rungs
 from transferkit import stats
@@ -234,6 +234,5 @@ def _minus(group: Group, arm: str, measure: str) -> stats.Difference | None:
 
 
 def _verdict(group: Group) -> str:
-    kind, members = (one if one == NONE else f"**{one}**" for one in (group.verdict.kind, group.verdict_of_members))
-    said = kind if members == kind else f"{kind}; of these members {members}"
+    said = verdict(group, bold=True)
     return f"{said}, own task" if group.own_task else said

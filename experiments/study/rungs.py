@@ -11,7 +11,7 @@ from experiments.matrix.arms import ZERO_ACTION
 from experiments.report.ladder import ORDER
 from experiments.report.tables import core_share, source_steps
 from experiments.report.verdict import NONE, REFUSED, SCRATCH, TRANSFER
-from experiments.study.cells import difference, short, whole
+from experiments.study.cells import difference, short, verdict, whole
 from experiments.study.rooms import StudyError
 from transferkit import stats
 
@@ -132,8 +132,7 @@ def _verdict(group: Group) -> str:
     refused = f"refused in {group.refused:.0%}"
     if group.verdict.kind == REFUSED:
         return refused
-    kind, members = group.verdict.kind, group.verdict_of_members
-    both = kind if members == kind else f"{kind}; of these members {members}"
+    kind, both = group.verdict.kind, verdict(group)
     if kind != NONE and len({row.member for row in group.arms[TRANSFER].rows}) == 1:
         both = f"{kind}, of one member"
     return f"{both}, {refused}" if group.refused else both
