@@ -110,6 +110,13 @@ def test_a_match_made_in_python_is_held_to_the_same(tmp_path, untrained_core, ch
         save_match(pairing, tmp_path / "m.yaml")
 
 
+def test_a_match_of_another_body_is_said(untrained_core, caplog):
+    pairing = match(ONE, heavy := f"{TWO}?vary.mass=5.0")
+    for target in (heavy, TWO):
+        wrap(untrained_core, target, match=pairing)
+    assert caplog.messages == [f"the match was made for {heavy}, and is used with {TWO}"]
+
+
 def test_joints_that_a_model_calls_the_same_are_told_apart(untrained_core):
     copy = Copy({"hinge_y": {"hinge_y": 1.0, "slide_z": 4.0}}, {"drive.hinge_y2": {"drive.slide_x": 1.0}})
     text = wrap(untrained_core, "Humanoid-v5", match=Pairing(ONE, "Humanoid-v5", (copy,))).describe()

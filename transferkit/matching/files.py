@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from transferkit.spec import Actuator, IOSpec, Joint
 
 Value = TypeVar("Value")
+
+LOGGER = logging.getLogger("transferkit")
 
 LARGEST = 1_000_000
 """Bytes of a match file."""
@@ -155,6 +158,8 @@ def check_match(pairing: Pairing, source: IOSpec, target: IOSpec) -> None:
                 remedy=f"use the one of that pair, or write {side}: {spec.env_id} into it",
                 topic="matches",
             )
+        if "?" in named and named != spec.env_id:
+            LOGGER.warning("the match was made for %s, and is used with %s", named, spec.env_id)
     for k, copy in enumerate(pairing.copies):
         _check_copy(copy, source, target)
         reads, drives = copy.joints or copy.inputs, any(any(drives.values()) for drives in copy.actions.values())
