@@ -61,7 +61,7 @@ class EnvId:
     def __str__(self) -> str:
         parts = [f"{name}={_written(value)}" for name, value in self.kwargs.items()]
         parts += [f"{VARY}{name}={_written(value)}" for name, value in self.variation.items()]
-        return "?".join(filter(None, (self.id, "&".join(parts))))
+        return f"{self.id}?{'&'.join(parts)}" if parts else self.id
 
 
 def brief(text: str) -> str:
