@@ -260,7 +260,7 @@ def test_the_commands_from_push_to_remove(full_core_folder, tmp_path, capsys):
     assert "unknown core of zoos elsewhere 'nothing-v1'" in run(capsys, "zoo", "pull", "nothing-v1")[2]
 
 
-@pytest.mark.parametrize("url", ["ftp://host/zoo", "simplecache::http://host", "memory://zoo"])
+@pytest.mark.parametrize("url", ["ftp://host/zoo", "simplecache::http://host", "memory://zoo", "", " "])
 def test_other_urls_are_refused(url):
     with pytest.raises(SettingError, match="must be a folder, or start with one of"):
         Transport(url)

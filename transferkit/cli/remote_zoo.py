@@ -73,7 +73,7 @@ def _asked(root: Root) -> Index | None:
 def _add(options: argparse.Namespace) -> Answer:
     from transferkit.zoo.remote.fetch import refresh  # noqa: PLC0415
 
-    url = options.url if "://" in options.url else str(Path(options.url).absolute())
+    url = options.url if "://" in options.url or not options.url.strip() else str(Path(options.url).absolute())
     root = Root(url.rstrip("/"), _digest(options.expect))
     index, digest = refresh(root)
     remember(root)

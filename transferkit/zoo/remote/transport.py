@@ -43,7 +43,7 @@ class Transport:
         import fsspec  # noqa: PLC0415 - most commands stay on this machine
 
         self.url, self.protocol = url.rstrip("/"), url.partition("://")[0] if "://" in url else "file"
-        if self.protocol not in PROTOCOLS or "::" in url:
+        if not url.strip() or self.protocol not in PROTOCOLS or "::" in url:
             raise SettingError("url", value=url, allowed=f"a folder, or start with one of {', '.join(PROTOCOLS[1:])} and ://")
         try:
             self.fs, self.root = fsspec.core.url_to_fs(self.url, **self._options())
