@@ -40,7 +40,7 @@ def draw(study: Study) -> Figure:
     for axis in axes.flat[len(targets) :]:
         axis.remove()
     for axis, target in zip(axes.flat, targets, strict=False):
-        axis.set(title=verbatim(target), xlabel="environment steps")
+        axis.set(title=verbatim(target).replace("&", "\n&"), xlabel="environment steps")
         axis.locator_params(axis="x", nbins=5)
         for k, (trainer, arm) in enumerate(lines):
             label = verbatim(", ".join([ARMS[arm], *([trainer] if len(trainers) > 1 else [])]))
