@@ -99,7 +99,7 @@ class Variation:
                 if name in FACTORS
             },
             _amount("control_step", single.get("control_step", 1.0), *STEP_FACTORS),
-            _whole("delay", single.get("delay", 0), 0, MOST_DELAY, of="control steps"),
+            _whole("delay", single.get("delay", 0), 0, MOST_DELAY, "control steps"),
             {part: _amount("noise", value, 0.0, LARGEST) for part, value in tables.get("noise", {}).items()},
             _places("permute_observation", single.get("permute_observation", ())),
             _places("drop_observation", single.get("drop_observation", ())),
@@ -191,15 +191,15 @@ def _amount(name: str, value: Any, least: float, most: float) -> Amount:  # noqa
     return float(ends[0]), float(ends[1])
 
 
-def _whole(name: str, value: Any, least: float, most: float, *, of: str = "") -> Amount:  # noqa: ANN401 - JSON
+def _whole(name: str, value: Any, least: float, most: float, of: str) -> Amount:  # noqa: ANN401 - JSON
     amount = _amount(name, value, least, most)
     if any(end != int(end) for end in amount):
-        raise ConfigError(f"variation {name}", value=value, allowed=f"whole {of or 'numbers'}", topic="variations")
+        raise ConfigError(f"variation {name}", value=value, allowed=f"whole {of}", topic="variations")
     return amount
 
 
 def _frames(value: Any) -> int:  # noqa: ANN401 - JSON
-    low, high = _whole("frames", value, 1, MOST_FRAMES)
+    low, high = _whole("frames", value, 1, MOST_FRAMES, "numbers")
     if low < high:
         raise ConfigError("variation frames", value=value, allowed="one number and no range", topic="variations")
     return int(low)
