@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from transferkit.env_id import EnvId
 
@@ -43,4 +44,5 @@ def rung_of(source: str, target: str) -> str:
     if one.id == other.id and (one.variation or other.variation):
         reshaped = {"drop_observation", "frames", "dead_actuator"} & {*one.variation, *other.variation}
         return RESHAPED if reshaped else CHANGED
-    return next((rung for rung, pairs in RUNGS.items() if (source, target) in pairs), OTHER)
+    robot = str(replace(one, variation={}))  # that a family is drawn around
+    return next((rung for rung, pairs in RUNGS.items() if (robot, target) in pairs), OTHER)

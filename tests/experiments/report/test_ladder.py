@@ -10,6 +10,7 @@ from experiments.report.ladder import CONTROL, ORDER, RUNGS, rung_of
         ("Walker2d-v5", "Walker2d-v5?vary.mass=1.4", "4"),
         ("Walker2d-v5", "Walker2d-v5?vary.mass=1.4&vary.dead_actuator=[0]", "5"),
         ("Hopper-v5", "Walker2d-v5", "7"),
+        ("Hopper-v5?vary.mass=[0.7,1.3]", "Walker2d-v5", "7"),
         ("InvertedPendulum-v5", "Hopper-v5", CONTROL),
         ("Walker2d-v5", "Walker2d-v5", "-"),
         ("Walker2d-v5", "Hopper-v5", "-"),
