@@ -101,6 +101,18 @@ def test_what_the_environment_set_itself_stays():
         vary(moon, gravity=2.0)
 
 
+def test_a_mean_inertia_of_the_environment_stays_unless_it_is_varied():
+    env = gymnasium.make(HOPPER)
+    own = env.unwrapped.model.stat.meaninertia
+    env.unwrapped.model.stat.meaninertia = 2 * own
+    lighter = vary(env, gear=0.5)
+    lighter.reset()
+    assert env.unwrapped.model.stat.meaninertia == 2 * own
+    heavy = vary(gymnasium.make(HOPPER), mass=2.0)
+    assert heavy.unwrapped.model.stat.meaninertia > 1.5 * own
+    assert vary(heavy, mass=1.0).unwrapped.model.stat.meaninertia == own
+
+
 def test_more_changes_come_on_top():
     twice = vary(vary(HOPPER, mass=2.0), gear=0.5)
     np.testing.assert_array_equal(played(twice), played(vary(HOPPER, mass=2.0, gear=0.5)))

@@ -4,12 +4,13 @@ from transferkit.envs.broken import failed
 from transferkit.envs.contract import NO_LIMIT, dims, episode_limit, solved_return, time_step
 from transferkit.envs.make import copies_of, dims_of, make_env, opened, recorded, rules_of, vary
 from transferkit.envs.mirror import Mirror, find_mirror
+from transferkit.envs.names import EnvLike, name_of
 from transferkit.envs.probe import derive_spec
 from transferkit.envs.rollout import Actor, Transition, rollout
 from transferkit.envs.simulation import Simulation, open_simulation
 from transferkit.envs.source import environment_ids, id_from_file, is_maker, names_module
 from transferkit.envs.vector import Count, Step, VectorEnv
-from transferkit.envs.written import EnvLike, is_written, name_of, written
+from transferkit.envs.written import is_written, written
 
 __all__ = [
     "NO_LIMIT",

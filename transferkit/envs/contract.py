@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from transferkit.envs.broken import failed
 from transferkit.envs.layers import bounds, layers_of
-from transferkit.envs.written import name_of
+from transferkit.envs.names import name_of
 from transferkit.errors import EnvironmentContractError, NotFiniteError, TransferkitError
 
 LOGGER = logging.getLogger("transferkit")

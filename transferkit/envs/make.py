@@ -23,16 +23,17 @@ from transferkit.env_id import EnvId
 from transferkit.envs.broken import failed
 from transferkit.envs.contract import Contract, dims, time_step
 from transferkit.envs.layers import bounds, check_spaces, layers_of
+from transferkit.envs.names import name_of
 from transferkit.envs.simulation import model_bytes
 from transferkit.envs.source import is_maker, raw_env
 from transferkit.envs.vary import Varied
-from transferkit.envs.written import is_written, name_of, written
+from transferkit.envs.written import is_written, written
 from transferkit.errors import EnvironmentContractError, TransferkitError
 from transferkit.renderer import choose_renderer
 from transferkit.variation import Variation
 
 if TYPE_CHECKING:
-    from transferkit.envs.written import EnvLike
+    from transferkit.envs.names import EnvLike
 
 Env = gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
 

@@ -24,8 +24,8 @@ from transferkit.physics import mujoco
 
 if TYPE_CHECKING:
     from transferkit.envs.contract import Contract
+    from transferkit.envs.names import EnvLike
     from transferkit.envs.simulation import Simulation
-    from transferkit.envs.written import EnvLike
     from transferkit.spec import IOSpec, Joint
 
 LOGGER = logging.getLogger("transferkit")

@@ -27,10 +27,10 @@ from transferkit.envs.joints import read_joints
 from transferkit.envs.labels import labels, unique
 from transferkit.envs.make import opened, recorded
 from transferkit.envs.memento import learning_wrappers, undisturbed
+from transferkit.envs.names import name_of
 from transferkit.envs.responses import Responder
 from transferkit.envs.simulation import open_simulation
 from transferkit.envs.vary import nominal
-from transferkit.envs.written import name_of
 from transferkit.errors import TransferkitError
 from transferkit.spec import EARTH, Element, IOSpec
 from transferkit.versions import versions
@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from transferkit.envs.contract import Contract
+    from transferkit.envs.names import EnvLike
     from transferkit.envs.simulation import Simulation
-    from transferkit.envs.written import EnvLike
     from transferkit.spec import Actuator, Joint
 
 LOGGER = logging.getLogger("transferkit")

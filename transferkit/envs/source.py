@@ -17,12 +17,13 @@ import gymnasium
 from transferkit.config.checks import Range, unfit
 from transferkit.env_id import EnvId
 from transferkit.envs.broken import failed
+from transferkit.envs.names import name_of
 from transferkit.envs.vary import Varied
-from transferkit.envs.written import is_written, name_of
+from transferkit.envs.written import is_written
 from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError, reason_of
 
 if TYPE_CHECKING:
-    from transferkit.envs.written import EnvLike
+    from transferkit.envs.names import EnvLike
 
 DM_CONTROL_PREFIX = "dm_control/"
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from transferkit.envs.layers import bounds, check_spaces, layers_of
 from transferkit.envs.model_edits import compiled, edited
+from transferkit.envs.names import name_of
 from transferkit.envs.simulation import open_simulation
 from transferkit.errors import ConfigError, EnvironmentContractError, TransferkitError, UnknownNameError
 from transferkit.physics import mujoco
@@ -59,7 +60,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         changes_model = bool(self.variation.factors or self.variation.dead_actuator)
         self._model = _Model(env, again) if changes_model else None
         self._pace = _Pace(env, self.variation.control_step) if self.variation.control_step != ONE else None
-        check_spaces(env, _name(env))
+        check_spaces(env, name_of(env))
         spec = _spec(env) if self._by_name else None
         self._names = [] if spec is None else [element.name for element in spec.observation]
         drives = {} if spec is None else {actuator.name: actuator.model_name for actuator in spec.action}
@@ -140,7 +141,7 @@ class Varied(gymnasium.Wrapper, RecordConstructorArgs):
         observation, declared = np.asarray(raw, np.float64), self.env.observation_space.shape
         if observation.shape != declared:
             raise EnvironmentContractError(
-                f"environment {_name(self.env)} returned an observation of shape {observation.shape}, not {declared}",
+                f"environment {name_of(self.env)} returned an observation of shape {observation.shape}, not {declared}",
                 topic="own environments",
             )
         if self._deviation.any():
@@ -168,12 +169,14 @@ class _Model:
         self._spec = _source(env, again)
         self._base = compiled(self._spec.copy())
         self.changed: dict[str, NDArray[np.bool_]] = {}
+        self._has_other_inertia = False
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _Model:
         """Share what is never changed."""
         twin = object.__new__(_Model)
         memo[id(self)] = twin
         twin._spec, twin._base, twin.changed = self._spec, self._base, dict(self.changed)
+        twin._has_other_inertia = self._has_other_inertia
         twin._simulation = copy.deepcopy(self._simulation, memo)
         twin._live = twin._simulation.model
         return twin
@@ -185,10 +188,8 @@ class _Model:
 
     def restore(self) -> None:
         """Give the environment's model its own numbers back."""
-        for name, changed in self.changed.items():
-            attrgetter(name)(self._live)[changed] = attrgetter(name)(self._base)[changed]
-        self.changed = {}
-        self._live.stat.meaninertia = self._base.stat.meaninertia
+        self._take(self._base)
+        self.changed, self._has_other_inertia = {}, False
 
     def change(self, factors: dict[str, dict[str, float]], dead: Any) -> None:  # noqa: ANN401
         """Give the environment's model the numbers of a changed one."""
@@ -204,9 +205,15 @@ class _Model:
                     topic="variations",
                 )
         self.changed = changed
-        for name, different in changed.items():
-            attrgetter(name)(self._live)[different] = attrgetter(name)(model)[different]
-        self._live.stat.meaninertia = model.stat.meaninertia
+        self._has_other_inertia = model.stat.meaninertia != self._base.stat.meaninertia
+        self._take(model)
+
+    def _take(self, model: mujoco.MjModel) -> None:
+        """Take the numbers of a model where they are changed."""
+        for name, changed in self.changed.items():
+            attrgetter(name)(self._live)[changed] = attrgetter(name)(model)[changed]
+        if self._has_other_inertia:
+            self._live.stat.meaninertia = model.stat.meaninertia
 
 
 class _Pace:
@@ -325,12 +332,6 @@ def _read(loader: str, source: str | bytes = "", assets: dict[str, bytes] | None
     if loader == "from_xml_path":
         return mujoco.MjSpec.from_file(text, assets=files)
     return mujoco.MjSpec.from_string(text, include={k: v for k, v in files.items() if k.endswith(".xml")}, assets=files)
-
-
-def _name(env: gymnasium.Env) -> str:
-    from transferkit.envs.written import name_of  # noqa: PLC0415 - which knows this wrapper
-
-    return name_of(env)
 
 
 def _spec(env: gymnasium.Env) -> IOSpec:

@@ -1,9 +1,8 @@
-"""What an environment is called in messages and in records: its id with its keyword arguments, if that makes it again."""
+"""What an environment is called in records: its id with its keyword arguments, if that makes it again."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,28 +13,14 @@ from gymnasium.envs.registration import EnvSpec
 
 from transferkit.env_id import EnvId
 from transferkit.envs.layers import layers_of
+from transferkit.envs.names import name_of
 from transferkit.envs.vary import Varied
-
-EnvLike = str | gymnasium.Env | Callable[[], gymnasium.Env]
-"""An environment in any of its forms: in writing, made, or a function that makes one; of dm_control's kind too."""
 
 SUITE = "envs_dmc.suite:SuiteTask"
 """Entry point of dm_control's tasks."""
 
 BY_MAKE = (wrappers.OrderEnforcing, wrappers.PassiveEnvChecker, wrappers.TimeLimit)
 """Wrappers that `gymnasium.make` adds by itself."""
-
-
-def name_of(env: EnvLike) -> str:
-    """The id of an environment as it was typed, or the name of its class if it has none."""
-    if isinstance(env, str):
-        return env
-    if not isinstance(env, gymnasium.Env):
-        return getattr(env, "__name__", type(env).__name__)
-    try:
-        return env.spec.id if env.spec is not None else type(env.unwrapped).__name__
-    except Exception:  # of an environment of the user's; what needs more of it says what is wrong
-        return type(env).__name__
 
 
 def is_written(env: str) -> bool:

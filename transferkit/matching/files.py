@@ -162,7 +162,7 @@ def check_match(pairing: Pairing, source: IOSpec, target: IOSpec) -> None:
             LOGGER.warning("the match was made for %s, and is used with %s", named, spec.env_id)
     for k, copy in enumerate(pairing.copies):
         _check_copy(copy, source, target)
-        reads, drives = copy.joints or copy.inputs, any(any(drives.values()) for drives in copy.actions.values())
+        reads, drives = copy.joints or copy.inputs, any(any(factors.values()) for factors in copy.actions.values())
         if len(pairing.copies) > 1 and not (reads and drives):
             nothing = f"copy {k + 1} of the match {'drives' if reads else 'reads'} nothing"
             raise ConfigError(nothing, remedy="leave it out", topic="matches")

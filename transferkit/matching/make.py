@@ -69,6 +69,8 @@ def _pairing(config: WrapConfig, source: IOSpec, target: IOSpec, given: str | Pa
         return find_pairing(config, source, target)
     if isinstance(given, Pairing):
         check_pairing(given)
-    pairing = in_canonical_names(given if isinstance(given, Pairing) else load_match(given), source, target)
+    else:
+        given = load_match(given)
+    pairing = in_canonical_names(given, source, target)
     check_match(pairing, source, target)
     return pairing
